@@ -52,7 +52,7 @@ def measure_jobs(folder, sizes=SIZES):
         for trials, duration in sizes:
             study = f"{group}-{trials}-{duration:g}"
             studies[study] = make_sweep({"reflex_gain": [13.0]}, trials, [], simulation={"duration": duration})
-            studies[study] |= {"points_per_chunk": 1, "methods": {name: VARIANTS[name] for name in names}}
+            studies[study] |= {"trials_per_chunk": 1000, "methods": {name: VARIANTS[name] for name in names}}
             samples = trials * duration * RATE
             contents[f"simulate/{study}"] = {"start": 1.0, "simulated trial": trials, "simulated sample": samples}
             parts = {"start": 1.0, "prepared trial": trials, "prepared sample": samples}

@@ -8,9 +8,9 @@ from ankleloop.studies.simulation import simulate_trials
 from ankleloop.trials.trial_files import save_trials
 
 
-def write_trials(path, study, seed, conditions, precision="double", failures="count"):
+def write_trials(path, study, seed, conditions, precision="double"):
     """Trial file of some conditions."""
-    trials = simulate_trials(study, seed, conditions, failures=failures)
+    trials = simulate_trials(study, seed, conditions)
     index = [(name, number) for name, part in conditions.items() for number in range(part["first"], part["stop"])]
     save_trials((trial for _, _, trial in trials), path, precision, index, overwrite=True)
 

@@ -97,7 +97,7 @@ ROWS = [
     row("a tab in place of spaces", text("studies:\n\ts: 1\n"), "config.yaml", "line 2"),
     row("a key twice", text("studies:\n  s: {seed: 1, seed: 2}\n"), "config.yaml: the key 'seed' in line 2 stands in"),
     row("there is no file", missing("config.yaml"), "config.yaml", "the file cannot be read"),
-    row("the number 012", line("points_per_chunk: 012"), "config.yaml, line 9", "012 as 10", "quotes"),
+    row("the number 012", line("trials_per_chunk: 012"), "config.yaml, line 9", "012 as 10", "quotes"),
     row("the name no without quotes", text("studies:\n  no: {}\n"), "line 2: YAML reads the key no as bool"),
     row("a name with a brace", config(studies={"{a}": STUDY}), "studies → {a}", "must consist of letters A-Z a-z"),
     row("a misspelt study in run", config(run=["t"]), "run: there is no study 't'"),

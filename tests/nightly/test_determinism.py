@@ -15,7 +15,6 @@ CHUNKS = {
     "two cores": ({"trials_per_chunk": 2}, "2"),
     "a chunk for each trial": ({"trials_per_chunk": 1}, "2"),
     "a chunk for each point": ({"trials_per_chunk": None}, "2"),
-    "several points in a chunk": ({"trials_per_chunk": None, "points_per_chunk": 2}, "2"),
 }
 
 

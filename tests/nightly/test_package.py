@@ -120,7 +120,7 @@ def test_the_demonstration(programs, tmp_path):
 
 @pytest.mark.parametrize("kind", FILE_FORMATS)
 def test_every_file_format(programs, tmp_path, kind):
-    path = tmp_path / f"S1{FILE_FORMATS[kind][0]}"
+    path = tmp_path / f"S1{FILE_FORMATS[kind]}"
     write_recording(simulate(seed=2, duration=20.0), path, kind)
     run(programs / "ankleloop", "identify", path.name, "--method", "riv", folder=tmp_path)
     results = tmp_path / f"{path.name}-results"

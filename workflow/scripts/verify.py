@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from ankleloop.paper.checks import StudyResults
 from ankleloop.paper.economy import measure_economy
-from ankleloop.paper.evidence import StudyResults
 from ankleloop.paper.ledger import format_ledger, verify
 from ankleloop.paper.trial_tables import read_trial_table
 from ankleloop.trials.files import atomic_file, write_csv

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -38,8 +37,6 @@ class Bootstrap:
     failed : int
         Repetitions that the method could not identify, or whose parameters are not finite; at most a tenth of all, and
         neither the samples nor the intervals count them.
-    reasons : dict of str to int
-        How many of them failed with each error.
 
     Examples
     --------
@@ -52,7 +49,6 @@ class Bootstrap:
     estimate: Estimate
     samples: pd.DataFrame
     failed: int
-    reasons: Mapping[str, int] = field(default_factory=dict)
 
     def intervals(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
         """Percentile intervals.
@@ -167,27 +163,25 @@ def block_bootstrap(
         raise DataError(
             f"the estimate covers {residual.size / rate:.3g} s, less than ten blocks of {block:g} s: take shorter ones."
         )
-    names = _sample_row(original, estimate).keys()
+    names = list(_sample_row(original, estimate))
     rng = np.random.default_rng(seed)
     rows: list[dict[str, float]] = []
-    reasons: Counter[str] = Counter()
+    failed, reason = 0, ""
     for _ in (progress or iter)(range(repetitions)):
         resampled = _change_torque(original, time, rate, _draw_blocks(rng, residual, length) - residual)
         try:
             row = _sample_row(resampled, identify(resampled, method, **options))
-            if missing := sorted(names - row.keys()):  # its column would have gaps
-                raise DataError(f"{missing[0]} could not be estimated.")
+            if not np.isfinite([row.get(name, np.nan) for name in names]).all():
+                raise DataError("a parameter could not be estimated.")
             rows.append({name: row[name] for name in names})
         except NUMERICAL_ERRORS as error:
-            reasons[str(error)] += 1
-    failed = reasons.total()
+            failed, reason = failed + 1, str(error)
     if len(rows) < max(2.0, LEAST_SHARE * repetitions):
-        reason, count = reasons.most_common(1)[0]
         raise DataError(
             f"{method} failed on {failed} of {repetitions} resampled records, but an interval needs "
-            f"{LEAST_SHARE:.0%} of them. {count} failed with: {reason}"
+            f"{LEAST_SHARE:.0%} of them. The last one failed with: {reason}"
         )
-    return Bootstrap(estimate, pd.DataFrame(rows), failed, dict(reasons))
+    return Bootstrap(estimate, pd.DataFrame(rows), failed)
 
 
 def _draw_blocks(rng: np.random.Generator, residual: np.ndarray, length: int) -> np.ndarray:
@@ -210,8 +204,4 @@ def _change_torque(trial: PreparedTrial, time: np.ndarray, rate: float, change: 
 
 def _sample_row(trial: PreparedTrial, estimate: Estimate) -> dict[str, float]:
     scores = evaluate(trial, estimate, against="measured")
-    row = {**estimate.stiffness, **estimate.reflex, **{f"vaf_{row.torque}": row.vaf for row in scores.itertuples()}}
-    for name, value in row.items():
-        if not np.isfinite(value):
-            raise DataError(f"{name} is not finite.")
-    return row
+    return {**estimate.stiffness, **estimate.reflex, **{f"vaf_{row.torque}": row.vaf for row in scores.itertuples()}}

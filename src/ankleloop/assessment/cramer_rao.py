@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy import signal as sps
 
 from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
@@ -22,7 +21,7 @@ from ankleloop.methods.riv_tv.riv_tv import PLACES, RivTvOptions
 from ankleloop.options import check_flag, check_number
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.spectra import pass_band
-from ankleloop.simulation.filters import ANTIALIAS_ORDER
+from ankleloop.simulation.filters import ANTIALIAS_ORDER, bessel_denominator
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
@@ -113,13 +112,10 @@ def invert_information(information: np.ndarray, names: Sequence[str] | None = No
     select, scale = np.ix_(known, known), np.outer(size[known], size[known])
     values, vectors = np.linalg.eigh(information[select] / scale)
     if not values[0] > len(values) * PRECISION * values[-1]:
-        confused, remedy = "the splines", "fewer knots"
-        if names is not None:
-            confused = ", ".join(names[k] for k in known[np.abs(vectors[:, 0]) > 0.1])
-            remedy = "other parameters"
+        confused = known[np.abs(vectors[:, 0]) > 0.1]
         raise DataError(
-            f"the record does not tell {confused} apart: their information is singular. Use a longer record, a richer "
-            f"perturbation, or {remedy}."
+            f"the record does not tell {'the splines' if names is None else ', '.join(names[k] for k in confused)} "
+            "apart: their information is singular. Use a longer record, a richer perturbation, or fewer parameters."
         )
     covariance[select] = np.linalg.inv(information[select] / scale) / scale
     return covariance
@@ -204,38 +200,30 @@ def disturbance_spectrum(frequency: np.ndarray, level: float, settings: Simulati
 
     Shapes: frequency (F,); returns (F,).
     """
-    voluntary = (settings.voluntary * level) ** 2 * _voluntary_shape(frequency, settings)
+    rate, noise_rate, cutoff = settings.recording_rate, settings.noise_rate, settings.antialias_cutoff
+
+    def voluntary(f: np.ndarray) -> np.ndarray:
+        return _bessel_power(2, np.tan(np.pi * f / rate) / np.tan(np.pi * settings.voluntary_cutoff / rate))
+
+    def noise(f: np.ndarray) -> np.ndarray:
+        return np.sinc(f / noise_rate) ** 2 * (1.0 if cutoff is None else _bessel_power(ANTIALIAS_ORDER, f / cutoff))
+
+    density = (settings.voluntary * level) ** 2 * voluntary(frequency) / _integrate(voluntary, 0.5 * rate)
     if settings.snr_db is None:
-        return voluntary
-    return voluntary + level**2 * 10 ** (-settings.snr_db / 10) * _noise_shape(frequency, settings)
+        return density
+    power = 0.5 * noise_rate if cutoff is None else _integrate(noise, 20 * noise_rate)
+    return density + level**2 * 10 ** (-settings.snr_db / 10) * noise(frequency) / power
 
 
-def _voluntary_shape(frequency: np.ndarray, settings: SimulationSettings) -> np.ndarray:
-    """Power spectrum of the voluntary torque over its integral."""
-    rate = settings.recording_rate
-    sos = sps.bessel(2, settings.voluntary_cutoff, fs=rate, norm="mag", output="sos")
-    return _normalise(lambda f: np.abs(sps.freqz_sos(sos, f, fs=rate)[1]) ** 2, frequency, rate / 2, 20_001)
+def _bessel_power(order: int, frequency: np.ndarray) -> np.ndarray:
+    """Squared gain of a Bessel low-pass at frequencies that are relative to its cutoff."""
+    denominator = bessel_denominator(order, 1.0)
+    return np.abs(denominator[-1] / np.polyval(denominator, 1j * frequency)) ** 2
 
 
-def _noise_shape(frequency: np.ndarray, settings: SimulationSettings) -> np.ndarray:
-    """Power spectrum of the recorded measurement noise over its integral."""
-    rate = settings.noise_rate
-    if settings.antialias_cutoff is None:
-        return np.sinc(frequency / rate) ** 2 / (0.5 * rate)
-    b, a = sps.bessel(ANTIALIAS_ORDER, 2 * np.pi * settings.antialias_cutoff, analog=True, norm="mag")
-
-    def spectrum(f: np.ndarray) -> np.ndarray:
-        return np.sinc(f / rate) ** 2 * np.abs(sps.freqs(b, a, 2 * np.pi * f)[1]) ** 2
-
-    return _normalise(spectrum, frequency, 20 * rate, 40_001)
-
-
-def _normalise(
-    spectrum: Callable[[np.ndarray], np.ndarray], frequency: np.ndarray, highest: float, points: int
-) -> np.ndarray:
-    """Values of a spectrum over its integral up to a highest frequency."""
-    grid = np.linspace(0.0, highest, points)
-    return spectrum(frequency) / np.trapezoid(spectrum(grid), grid)
+def _integrate(spectrum: Callable[[np.ndarray], np.ndarray], highest: float) -> float:
+    grid = np.linspace(0.0, highest, 40_001)
+    return float(np.trapezoid(spectrum(grid), grid))
 
 
 def trajectory_bound(
@@ -296,18 +284,13 @@ def trajectory_bound(
     check_flag("trajectory_bound", "known_delay", known_delay)
     counts = RivTvOptions.parse("trajectory_bound", knots=knots).knots
     values = SimulationSettings.parse("trajectory_bound", **settings)
-    if values.variation is None:
+    disturbed = values.snr_db is not None or values.voluntary > 0
+    if values.variation is None or values.reflex_threshold != 0 or not disturbed:
         raise ValueError(
-            "trajectory_bound: variation must be 'cycle', 'time' or 'schedule', got None: the bound of a constant "
-            "joint is that of cramer_rao."
+            "trajectory_bound is derived for a joint that varies, with a rectifier at zero velocity and a disturbance: "
+            "set variation (the bound of a constant joint is that of cramer_rao), reflex_threshold=0, and snr_db or "
+            "voluntary."
         )
-    if values.reflex_threshold != 0:
-        raise ValueError(
-            "the bound is derived for a rectifier at zero velocity: reflex_threshold must be 0, got "
-            f"{values.reflex_threshold:g}."
-        )
-    if values.snr_db is None and values.voluntary == 0:
-        raise ValueError("without a disturbance the bound is 0: set snr_db or voluntary.")
     equations, parameters = linearise(seed, values, counts, rate, known_delay=known_delay)
     bases, course = equations.bases, equations.course
     covariance = invert_information(trajectory_information(seed, values, equations, parameters))

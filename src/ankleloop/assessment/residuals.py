@@ -51,7 +51,7 @@ class ResidualTest:
     related_p: float
 
 
-def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float, lags: float = LAGS) -> ResidualTest:
+def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float) -> ResidualTest:
     r"""Test a residual for whiteness, and for correlation with a signal that must not explain it.
 
     Decimated noise has nothing above the pass band, so its autocorrelation is not that of white noise, whatever the
@@ -80,37 +80,32 @@ def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float, lags: f
     1937.
     """
     band = pass_band(residual.size, rate)
-    _check(residual, signal, band, lags)
+    times = _independent_lags(band)
+    fewest = max(2 * GROUPS, 2 * times.size)
+    if band.frequency.size < fewest:
+        raise DataError(
+            f"{residual.size / rate:.3g} s have {band.frequency.size} frequencies in the pass band, but the tests of "
+            f"the residual need {fewest}: use a longer record."
+        )
     power = np.abs(band.transform(residual)) ** 2
     white_p = _whiteness(power, band)
     white_residual, white_signal = (_whiten(band, x) for x in (residual, signal))
-    related_p = _relation(band, white_residual, white_signal, lags)
-    reach = round(lags * rate)
+    related_p = _relation(band, white_residual, white_signal, times)
+    reach = round(LAGS * rate)
     shifts = np.arange(-reach, reach + 1)
+    size = np.sqrt(np.sum(np.abs(white_residual) ** 2) * np.sum(np.abs(white_signal) ** 2))
+    correlation = band.signals(white_residual * white_signal.conj()) * band.samples / (2.0 * size)
     return ResidualTest(
         frequency=band.frequency,
         density=band.smooth(power, 0.4) / band.density,
         white=white_p >= LEVEL,
         white_p=white_p,
         lags=shifts / rate,
-        correlation=_correlate(band, white_residual, white_signal, shifts),
+        correlation=correlation[shifts],
         limit=float(special.ndtri(0.995) * np.sqrt(0.5 * band.correlation / power.size)),
         related=related_p < LEVEL,
         related_p=related_p,
     )
-
-
-def _check(residual: np.ndarray, signal: np.ndarray, band: Band, lags: float) -> None:
-    """Refuse what has no spectrum, or too few frequencies for the tests."""
-    for name, x in (("residual", residual), ("signal", signal)):
-        if not np.ptp(x) > 0:
-            raise DataError(f"the {name} is constant: it has no spectrum to be tested.")
-    fewest = max(2 * GROUPS, 2 * _count_lags(band, lags))
-    if band.frequency.size < fewest:
-        raise DataError(
-            f"{residual.size / band.rate:.3g} s have {band.frequency.size} frequencies in the pass band, but the tests "
-            f"need {fewest}: use a longer record or shorter lags."
-        )
 
 
 def _whiten(band: Band, x: np.ndarray) -> np.ndarray:
@@ -119,14 +114,11 @@ def _whiten(band: Band, x: np.ndarray) -> np.ndarray:
     return spectrum / np.sqrt(band.smooth(np.abs(spectrum) ** 2, WHITENING))
 
 
-def _independent_lags(band: Band, lags: float) -> np.ndarray:
+def _independent_lags(band: Band) -> np.ndarray:
     """Lags [s] at which correlations of white signals within the band are uncorrelated."""
-    reach = _count_lags(band, lags) // 2
-    return np.arange(-reach, reach + 1) / (2.0 * (band.highest - band.lowest))
-
-
-def _count_lags(band: Band, lags: float) -> int:
-    return 2 * int(2.0 * lags * (band.highest - band.lowest)) + 1
+    width = band.highest - band.lowest
+    reach = int(2.0 * LAGS * width)
+    return np.arange(-reach, reach + 1) / (2.0 * width)
 
 
 def _whiteness(power: np.ndarray, band: Band) -> float:
@@ -150,9 +142,8 @@ def _band_scatter(band: Band, sizes: np.ndarray) -> float:
     return (sizes.size * within - band.correlation) / (sizes.size - 1)
 
 
-def _relation(band: Band, residual: np.ndarray, signal: np.ndarray, lags: float) -> float:
+def _relation(band: Band, residual: np.ndarray, signal: np.ndarray, times: np.ndarray) -> float:
     """Probability that lags of a signal explain at least as much of a residual, if the two were unrelated."""
-    times = _independent_lags(band, lags)
     regressors = signal[:, None] * np.exp(-2j * np.pi * np.outer(band.frequency, times))
     gram = np.real(regressors.conj().T @ regressors)
     basis = linalg.solve_triangular(linalg.cholesky(gram, lower=True), regressors.T, lower=True)
@@ -162,9 +153,3 @@ def _relation(band: Band, residual: np.ndarray, signal: np.ndarray, lags: float)
     weights = band.taper**2 / np.sum(band.taper**2)
     expectation = 0.25 * band.samples**2 * (energy @ weights) / signal.size
     return float(special.betaincc(0.5 * times.size, 0.5 * times.size * (1.0 / expectation - 1.0), min(share, 1.0)))
-
-
-def _correlate(band: Band, residual: np.ndarray, signal: np.ndarray, shifts: np.ndarray) -> np.ndarray:
-    """Correlation of two signals within the band, from their spectra, at shifts of whole samples."""
-    size = np.sqrt(np.sum(np.abs(residual) ** 2) * np.sum(np.abs(signal) ** 2))
-    return band.signals(residual * signal.conj())[shifts] * band.samples / (2.0 * size)

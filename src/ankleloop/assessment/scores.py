@@ -17,7 +17,6 @@ from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.options import check_choice, check_flag, check_number, show_value
 from ankleloop.signals.vaf import vaf, vaf_with_interval
 
-SCORE_COLUMNS = ("torque", "against", "vaf", "low", "high")
 CORRELATED = 1.0  # s: over this the squares of torques may be correlated
 DIAGNOSTICS = ("order", "spectral_radius", "passes", "converged", "stable", "reference", "cycles")
 TRAJECTORY_TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}  # variables of a trial
@@ -77,24 +76,9 @@ def evaluate(
     >>> evaluate(trial, identify(trial))["torque"].tolist()
     ['net', 'net', 'intrinsic', 'reflex']
     """
-    rows = score_rows(trial, estimate, trim=trim, against=against, intervals=intervals)
-    return pd.DataFrame(rows, columns=list(SCORE_COLUMNS[: 5 if intervals else 3]))
-
-
-def score_rows(
-    trial: xr.Dataset | PreparedTrial,
-    estimate: Estimate,
-    *,
-    trim: float = TRIM,
-    against: Literal["measured"] | None = None,
-    intervals: bool = False,
-) -> list[tuple[Any, ...]]:
-    """Rows of `evaluate` as tuples, for tables of many estimates."""
     check_choice("evaluate", "against", against, ("measured", None))
     check_flag("evaluate", "intervals", intervals)
     inside, time, rate = _scored_samples(estimate, trim)
-    lags = round(CORRELATED * rate)
-    rows: list[tuple[Any, ...]] = []
     prepared = prepare(trial)
     recorded, tolerance = prepared.time, 0.5 / prepared.rate
     if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:  # of another trial, or of more of it
@@ -102,10 +86,12 @@ def score_rows(
             f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
             "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
         )
+    table = []
     for torque, kind, signal in _targets(prepared, time, rate, against is None):
         pair = signal[inside], estimate.torque.variables[torque].values[inside]
-        rows.append((torque, kind, *(vaf_with_interval(*pair, lags) if intervals else [vaf(*pair)])))
-    return rows
+        scores = vaf_with_interval(*pair, round(CORRELATED * rate)) if intervals else [vaf(*pair)]
+        table.append((torque, kind, *scores))
+    return pd.DataFrame(table, columns=["torque", "against", "vaf", *(("low", "high") if intervals else ())])
 
 
 def _scored_samples(estimate: Estimate, trim: float) -> tuple[slice, np.ndarray, float]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from ankleloop.checks.channels import CHANNEL_CHECKS, Finding
 from ankleloop.checks.movement import (
     CERTAIN,
@@ -30,7 +28,6 @@ from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.trials.validation import REQUIRED
 
 MOTION_CHECKS = (check_scale, check_size, check_relation)
-COMPARED = 8  # samples of each channel that are compared first
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,7 @@ def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Findin
         *(check(trial, name) for check in CHANNEL_CHECKS for name in REQUIRED),
         check_velocity(trial, delay),
         check_bandwidth(trial),
-        *(check(motion) for check in MOTION_CHECKS),
+        *(check(trial, motion) for check in MOTION_CHECKS),
     ]
 
 
@@ -143,23 +140,11 @@ def refuse_repeated_trials(trials: Sequence[PreparedTrial]) -> None:
     Two trials are one record where every sample of position and torque is the same, whatever object or file it comes
     from. Two measurements never are.
     """
-    alike: dict[tuple[bytes, ...], list[int]] = {}
-    for number, trial in enumerate(trials):
-        earlier = alike.setdefault(_sample(trial), [])
-        for other in earlier:
-            if _is_same(trials[other], trial):
-                raise DataError(
-                    f"trials {other + 1} and {number + 1} of {len(trials)} are the same record, which would count "
-                    "twice: leave one of them out."
-                )
-        earlier.append(number)
-
-
-def _sample(trial: PreparedTrial) -> tuple[bytes, ...]:
-    """A few samples of each channel: what differs in them need not be compared."""
-    channels = [trial.samples(name) for name in REQUIRED]
-    return tuple(x[:: max(1, x.size // COMPARED)].tobytes() for x in channels)
-
-
-def _is_same(first: PreparedTrial, second: PreparedTrial) -> bool:
-    return first is second or all(np.array_equal(first.samples(name), second.samples(name)) for name in REQUIRED)
+    numbers: dict[tuple[int, ...], int] = {}
+    for number, trial in enumerate(trials, 1):
+        earlier = numbers.setdefault(tuple(hash(trial.samples(name).tobytes()) for name in REQUIRED), number)
+        if earlier != number:
+            raise DataError(
+                f"trials {earlier} and {number} of {len(trials)} are the same record, which would count twice: leave "
+                "one of them out."
+            )

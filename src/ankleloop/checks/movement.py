@@ -44,13 +44,8 @@ SAMPLED = 200  # samples, about, for a standard deviation; an odd number apart, 
 
 @dataclass(frozen=True, eq=False)
 class MotionProducts:
-    """Inner products of position, velocity, acceleration and torque of the decimated samples of a record.
+    """Inner products of position, velocity, acceleration and torque of the decimated samples of a record."""
 
-    The trial holds these products: if they held it, all of its signals would stay until the garbage collector runs.
-    """
-
-    recorded: dict[str, np.ndarray]  # position and torque as they were recorded
-    rate: float  # rate of the record [Hz]
     grid: Grid  # its decimated samples
     signals: np.ndarray  # shape (4, N): position, velocity, acceleration and torque, each less its mean
     products: np.ndarray  # shape (4, 4): their inner products
@@ -63,10 +58,9 @@ class MotionProducts:
 @once
 def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
     """Products of a trial."""
-    recorded = {name: trial.samples(name) for name in REQUIRED}
     signals, products, stiffness, explained = regress_torque([*trial.motion(grid), trial.channel("torque", grid)])
     position, *_, torque = np.sqrt(products.diagonal() / grid.samples).tolist()
-    return MotionProducts(recorded, trial.rate, grid, signals, products, stiffness, explained, (position, torque))
+    return MotionProducts(grid, signals, products, stiffness, explained, (position, torque))
 
 
 def regress_torque(signals: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
@@ -83,7 +77,7 @@ def regress_torque(signals: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarra
     return deviations, products, values, float(right @ values / products[-1, -1])
 
 
-def check_scale(motion: MotionProducts) -> Finding:
+def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
     """Position and torque that can be computed with, and that lie within the band of the identification."""
     position, torque = motion.deviations
     for name, deviation in zip(REQUIRED, motion.deviations, strict=True):
@@ -94,15 +88,15 @@ def check_scale(motion: MotionProducts) -> Finding:
                 "can be computed with: check its unit."
             )
             return Finding("scale", "refused", text)
-        x = motion.recorded[name]
+        x = trial.samples(name)
         if deviation < BAND_SHARE * sqrt(np.mean((x[:: x.size // SAMPLED | 1] - x[0]) ** 2)):
-            highest = PASSBAND * motion.rate / motion.grid.factor
+            highest = PASSBAND * trial.rate / motion.grid.factor
             text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
             return Finding("scale", "refused", text)
     return Finding("scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m.")
 
 
-def check_size(motion: MotionProducts) -> Finding:
+def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
     """Position and torque of a size that a joint can have, in rad and N·m."""
     position, torque = motion.deviations
     ratio = torque / position if position > 0.0 else inf
@@ -114,19 +108,6 @@ def check_size(motion: MotionProducts) -> Finding:
         )
         return Finding("size", "refused", text)
     return Finding("size", "ok", f"{text}.")
-
-
-def fit_stiffness_by_instruments(
-    motion: np.ndarray, torque: np.ndarray, instruments: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """K, B and I of a model without a reflex, and the share of the torque that it explains.
-
-    Shapes: motion (N, 3), torque (N,), instruments (N, 3); returns stiffness (3,).
-    """
-    scale = motion.std(axis=0)
-    scaled, instruments = motion / scale, instruments / scale
-    values = np.linalg.lstsq(instruments.T @ scaled, instruments.T @ torque, rcond=None)[0]
-    return values / scale, float(1.0 - np.var(torque - scaled @ values) / np.var(torque))
 
 
 def check_sign(stiffness: np.ndarray, explained: float) -> Finding:
@@ -152,10 +133,13 @@ def check_signs_by_reference(records: Sequence[Regressors]) -> list[Finding]:
     channels = [np.column_stack([record.inputs[:, :MOTION], record.torque]) for record in records]
     references = [record.reference for record in records if record.reference is not None]
     projection = project_on_reference(references, channels, records[0].rate)
-    return [
-        check_sign(*fit_stiffness_by_instruments(x[:, :MOTION], x[:, MOTION], (x - residual)[:, :MOTION]))
-        for x, residual in zip(projection.signals, projection.residuals, strict=True)
-    ]
+    findings = []
+    for x, residual in zip(projection.signals, projection.residuals, strict=True):
+        scale, torque = x[:, :MOTION].std(axis=0), x[:, MOTION]
+        motion, instruments = x[:, :MOTION] / scale, (x - residual)[:, :MOTION] / scale
+        values = np.linalg.lstsq(instruments.T @ motion, instruments.T @ torque, rcond=None)[0]
+        findings.append(check_sign(values / scale, 1.0 - float(np.var(torque - motion @ values) / np.var(torque))))
+    return findings
 
 
 @once
@@ -209,10 +193,10 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
     return Finding("bandwidth", "warning", text)
 
 
-def check_relation(motion: MotionProducts) -> Finding:
+def check_relation(trial: PreparedTrial, motion: MotionProducts) -> Finding:
     """Torque that has something to do with the movement."""
     text = f"position, velocity and acceleration explain {100.0 * motion.explained:.2g} % of the torque"
-    by_chance = float(np.clip(UNRELATED * motion.rate / motion.recorded["position"].size, *UNRELATED_LIMITS))
+    by_chance = float(np.clip(UNRELATED * trial.rate / trial.time.size, *UNRELATED_LIMITS))
     if not motion.explained >= by_chance:
         text = (
             f"{text}, as those of any other record would: K, B, I and G say nothing about the joint. Check the "

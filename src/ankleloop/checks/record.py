@@ -25,10 +25,9 @@ def check_length(trials: Sequence[xr.Dataset], identification_rate: float) -> Fi
     rates = sorted({float(trial.attrs["sampling_rate"]) for trial in trials})
     durations = [trial.sizes["time"] / float(trial.attrs["sampling_rate"]) for trial in trials]
     total = sum(durations)
-    text = " … ".join(f"{duration:.4g}" for duration in sorted({min(durations), max(durations)})) + " s"
+    text = f"{total:.4g} s at {' and '.join(f'{rate:g}' for rate in rates)} Hz, without gaps"
     if len(trials) > 1:
-        text = f"{len(trials)} trials of {text}, {total:.4g} s in all"
-    text = f"{text} at {' and '.join(f'{rate:g}' for rate in rates)} Hz, without gaps"
+        text = f"{len(trials)} trials of {min(durations):.4g} s or more, {text}"
     if total < SHORTEST:
         return Finding("length", "refused", f"{text}: record at least {SHORTEST:g} s.")
     if min(durations) < SHORTEST_TRIAL:

@@ -53,9 +53,8 @@ def check_file(path: Path, recording: Recording) -> tuple[xr.Dataset | None, Che
     from ankleloop.errors import NUMERICAL_ERRORS
     from ankleloop.recordings.analysis import largest_options
     from ankleloop.recordings.checks import check_trial
-    from ankleloop.recordings.files import load_recording, refuse_recording
+    from ankleloop.recordings.files import check_course, load_recording, refuse_recording
     from ankleloop.recordings.validity import usual_methods
-    from ankleloop.recordings.variation import check_course
 
     methods = usual_methods(reference=recording.reference is not None)
     try:

@@ -1,4 +1,4 @@
-"""`ankleloop demo`: a simulated trial in every file format, and its identification."""
+"""`ankleloop demo`: a simulated trial in files of a laboratory, and its identification."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ Examples:
 @click.option("--open/--no-open", "opens", default=True, show_default=True, help="Open the page in a browser.")
 @click.pass_context
 def demo(context: click.Context, output: Path, seed: int, duration: float, overwrite: bool, opens: bool) -> int:
-    """Simulate a trial, write it in every file format, and identify it.
+    """Simulate a trial, write it as a laboratory would, and identify it.
 
     The joint pushes against a compliant load, with the settings of the paper. The trial is written as CSV, MATLAB v5
-    and v7.3, HDF5 and NetCDF, and the CSV file is identified as `ankleloop identify` does.
+    and HDF5, and the CSV file is identified as `ankleloop identify` does.
     """
     import pandas as pd
 
@@ -39,7 +39,7 @@ def demo(context: click.Context, output: Path, seed: int, duration: float, overw
     from ankleloop.simulation.simulate import simulate
     from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
-    paths = {kind: output / f"demo-{kind}{suffix}" for kind, (suffix, _) in FILE_FORMATS.items()}
+    paths = {kind: output / f"demo-{kind}{suffix}" for kind, suffix in FILE_FORMATS.items()}
     if not overwrite:
         refuse_existing([*paths.values()])
     output.mkdir(parents=True, exist_ok=True)

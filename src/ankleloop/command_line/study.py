@@ -67,7 +67,7 @@ def study(new: Path, files: tuple[Path, ...], varied: tuple[str, ...], overwrite
     lines = [textwrap.fill(remark, 120, initial_indent="# ", subsequent_indent="#   ") for remark in remarks]
     plain = json.loads(json.dumps(config))  # what stands twice is no alias then
     text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, width=120)
-    with atomic_file(new, overwrite=overwrite, inputs=files) as partial:
+    with atomic_file(new, overwrite=overwrite) as partial:
         partial.write_text("\n".join([HEADER.format(file=new.name, name=name), *lines, text]), encoding="utf-8")
     echo(f"\n{new} is written.")
     command = shlex.join(["snakemake", "--cores", "2", "--configfile", str(new.absolute())])

@@ -14,7 +14,6 @@ from ankleloop.signals.statespace import companion, lowpass_denominator, step_ma
 
 STARTS = [(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
 POLES = (15.0, 40.0, 120.0)  # rad/s
-MAX_ITERATIONS, STEP_TOLERANCE = 100, 1e-6
 LARGEST = 1e4  # rad/s, or 1: no reflex is as fast, or as damped
 
 
@@ -76,50 +75,30 @@ def fit_dynamics(
 
     .. math:: \min_{G, \omega_n, \zeta, (p)} \sum_f w(f) \, |H(f) - G \, H_0(f; \omega_n, \zeta, p)|^2
 
-    By the method of Levenberg and Marquardt from the best of some starts. Symmetric secant updates add the curvature
-    that the slopes do not show; poor fits converge by them.
+    By nonlinear least squares, from the best of some starts.
 
     Shapes: response (F,), s (F,), weight (F,).
     """
+    from scipy.optimize import least_squares  # here, because its import takes time and riv does not need it
+
     root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
     target = root * response
     starts = ReflexDynamics.grid(order)
     shapes = root * respond(starts, s)
-    explained = np.real(shapes.conj() @ target) ** 2 / np.sum(np.abs(shapes) ** 2, axis=1)
-    dynamics = starts[int(np.argmax(explained))]
-    gain, residual, normal, descent = _project_gain(dynamics, s, root, target)
-    damping, curvature = 1e-6, np.zeros_like(normal)
-    for _ in range(MAX_ITERATIONS):
-        hessian = normal + curvature
-        if np.linalg.eigvalsh(hessian)[0] <= 0:
-            hessian = normal
-        step = np.linalg.solve(hessian + damping * np.diag(normal.diagonal() + 1e-30), descent)
-        candidate = dynamics.scale(np.clip(step, -1.0, 1.0))
-        trial = _project_gain(candidate, s, root, target)
-        sizes = list(candidate.values.values())
-        if trial[1] <= residual and min(sizes) > 1.0 / LARGEST and max(sizes) < LARGEST:
-            defect = descent - trial[3] - (trial[2] + curvature) @ step
-            size = defect @ step
-            if abs(size) > 1e-8 * np.sqrt((defect @ defect) * (step @ step)):
-                curvature = curvature + np.outer(defect, defect) / size
-            dynamics, (gain, residual, normal, descent) = candidate, trial
-            damping = max(damping / 10.0, 1e-12)
-        else:
-            damping, curvature = 10.0 * damping, np.zeros_like(curvature)
-        if np.max(np.abs(step)) < STEP_TOLERANCE or damping > 1e9:
-            break
-    return gain, dynamics, 1.0 - residual
+    products = np.real(shapes.conj() @ target)
+    energies = np.sum(np.abs(shapes) ** 2, axis=1)
+    best = int(np.argmax(products**2 / energies))
 
+    def error(x: np.ndarray) -> np.ndarray:
+        return (x[0] * root * ReflexDynamics(*np.exp(x[1:])).response(s)[0] - target).view(float)
 
-def _project_gain(
-    dynamics: ReflexDynamics, s: np.ndarray, root: np.ndarray, target: np.ndarray
-) -> tuple[float, float, np.ndarray, np.ndarray]:
-    """Gain, residual, and normal equations of the slopes: the gain is projected out (Golub and Pereyra 1973)."""
-    shape, slopes = dynamics.response(s)
-    rows = root * np.array([shape, *slopes])
-    products = (rows.conj() @ np.vstack([rows, target]).T).real
-    energy, gain = float(products[0, 0]), float(products[0, -1] / products[0, 0])
-    aligned, descent = products[1:, 0], products[1:, -1] - gain * products[1:, 0]
-    normal = gain**2 * (products[1:, 1:-1] - np.outer(aligned, aligned) / energy) + np.outer(descent, descent) / energy
-    error = target - gain * rows[0]
-    return gain, float(np.vdot(error, error).real), normal, gain * descent
+    def slopes(x: np.ndarray) -> np.ndarray:
+        shape, derivatives = ReflexDynamics(*np.exp(x[1:])).response(s)
+        return (root * np.array([shape, *(x[0] * part for part in derivatives)])).view(float).T
+
+    start = [products[best] / energies[best], *np.log(list(starts[best].values.values()))]
+    most = [np.inf, *[np.log(LARGEST)] * (len(start) - 1)]
+    found = least_squares(
+        error, start, slopes, (np.negative(most), most), x_scale="jac", xtol=1e-12, ftol=1e-14, gtol=1e-14
+    )
+    return float(found.x[0]), ReflexDynamics(*np.exp(found.x[1:]).tolist()), float(1.0 - 2.0 * found.cost)

@@ -133,14 +133,10 @@ class Estimate:
         prepared, predictor = prepare(trial), self.predictor
         if isinstance(predictor, TimeVaryingModel):
             torque, warnings = predictor.predict(prepared, cycle_onsets), predictor.check_range(prepared)
-        elif cycle_onsets is not None:
-            raise DataError(f"the model of {self.method} does not change with a cycle: leave out cycle_onsets.")
         else:
             torque, warnings = predictor.predict(prepared), predictor.inputs.check_range(prepared)
-        diagnostics = self.diagnostics
-        if warnings:
-            diagnostics = {**diagnostics, "warnings": [*diagnostics.get("warnings", ()), *warnings]}
-        prediction = replace(self, torque=torque, diagnostics=diagnostics)
+        warnings = [*self.diagnostics.get("warnings", ()), *warnings]
+        prediction = replace(self, torque=torque, diagnostics={**self.diagnostics, "warnings": warnings})
         add_measured(prediction, prepared)
         return prediction
 
@@ -217,12 +213,11 @@ class Estimate:
         return all(mine == theirs for mine, theirs in pairs) and self.torque.identical(other.torque)
 
     def __repr__(self) -> str:
-        lines = [f"<Estimate by {self.method}: {self._list_parameters(self.stiffness)}>"]
-        lines += [f"reflex: {self._list_parameters(self.reflex)}", *self._list_remarks()]
-        return "\n  ".join(lines)
+        table = self.summary().to_string(float_format="{:.4g}".format, na_rep="–", index_names=False)
+        return "\n  ".join([f"<Estimate by {self.method}>", *table.splitlines(), *self._list_remarks()])
 
     def _repr_html_(self) -> str:
-        """The same in a notebook: the table of the parameters, and what is to be said of them."""
+        """The same in a notebook."""
         table = self.summary().to_html(float_format="{:.4g}".format, na_rep="–", index_names=False)
         remarks = "".join(f"<li>{escape(text)}</li>" for text in self._list_remarks())
         return f"<p><b>Estimate by {escape(self.method)}</b></p>{table}<ul>{remarks}</ul>"
@@ -234,15 +229,6 @@ class Estimate:
         for kind, label in {"missing": "missing", "assumptions": "assumed", "warnings": "warning"}.items():
             lines += [f"{label}: {text}" for text in self.diagnostics.get(kind, ())]
         return lines
-
-    def _list_parameters(self, values: dict[str, float]) -> str:
-        texts = []
-        for name, value in values.items():
-            quantity = QUANTITIES[name]
-            interval = " ({:.4g} … {:.4g})".format(*self.intervals[name]) if name in self.intervals else ""
-            unit = "" if quantity.unit == "1" else f" {quantity.unit}"
-            texts.append(f"{quantity.symbol} = {value:.4g}{interval}{unit}")
-        return ", ".join(texts)
 
 
 def add_measured(estimate: Estimate, trial: PreparedTrial) -> None:

@@ -57,7 +57,7 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
     Raises
     ------
     DataError
-        For another suffix, if the file exists or the estimate is read from it, or if it cannot be written.
+        For another suffix, if the file exists, or if it cannot be written.
     TypeError
         For diagnostics that are no numbers, texts, arrays, or lists and dictionaries of those.
 

@@ -16,6 +16,8 @@ from ankleloop.signals.decimation import decimate, decimation_factor, differenti
 from ankleloop.signals.reference import predict_decimated
 from ankleloop.trials.validation import validate
 
+NO_REFERENCE = "Give the command of the servo as reference, or reference='position' for an open-loop record."
+
 Value = TypeVar("Value")
 Arguments = ParamSpec("Arguments")
 
@@ -61,12 +63,11 @@ class PreparedTrial:
         """
         self.computed.clear()
 
-    def check_reference(self, name: str) -> None:
-        """Refuse a variable that the trial does not have to serve as reference."""
+    def check_variable(self, name: str, use: str = "to serve as reference", remedy: str = NO_REFERENCE) -> None:
+        """Refuse a variable that the trial does not have."""
         if name not in self.trial:
             raise DataError(
-                f"the trial has no variable {name!r} to serve as reference; it has {', '.join(map(str, self.trial))}."
-                " Give the command of the servo as reference, or reference='position' for an open-loop record."
+                f"the trial has no variable {name!r} {use}; it has {', '.join(map(str, self.trial))}. {remedy}"
             )
 
     def samples(self, name: str) -> np.ndarray:
@@ -122,7 +123,7 @@ class PreparedTrial:
         expanded there; every term is decimated only then, because a rectifier after decimation is another rectifier.
         """
         if reference is not None:
-            self.check_reference(reference)
+            self.check_variable(reference)
         grid = self.grid(identification_rate, delay)
         terms = 1 if basis == "rectifier" else degree
         fitted, inputs = _make_inputs(self, delay, basis, terms, grid, omitted_step)

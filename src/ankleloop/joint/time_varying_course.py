@@ -23,6 +23,9 @@ UNEVEN = 1.8  # ratio of a cycle to the median one, or of that to a cycle: an on
 SAME_PHASE = 1e-4
 COMMON = 0.5  # share of its fast changes that a scheduling variable may have in common with the position
 FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
+NO_VARIABLE = (
+    "Name one of these, or read another one with the trial: variables of read_trial, a further array of new_trial."
+)
 COORDINATES = {
     "phase": ("1", "phase of the cycle"),
     "time": ("s", "time from the first sample"),
@@ -72,7 +75,8 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
     """
     time = trial.time
     if isinstance(onsets, str):
-        phase = _variable(trial, onsets, "cycle_onsets")
+        trial.check_variable(onsets, "for cycle_onsets", NO_VARIABLE)
+        phase = trial.samples(onsets)
         if phase.min() < -1e-6 or phase.max() > 1 + 1e-6:
             raise DataError(
                 f"{onsets} goes from {phase.min():.3g} to {phase.max():.3g}, and the phase of a cycle goes from 0 to "
@@ -94,12 +98,12 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
         raise DataError("there are fewer than two onsets of cycles: give the start of every cycle in seconds.")
     durations = np.diff(onsets)
     if not (durations > 0).all():
-        k = int(np.argmin(durations > 0))
+        k = int(np.argmin(durations > 0)) + 1
         raise DataError(
-            f"onset {k + 2} of {onsets.size} ({onsets[k + 1]:g} s) is not after onset {k + 1} ({onsets[k]:g} s): sort "
-            "them, and leave out those that are there twice or are no times."
+            f"onset {k + 1} of {onsets.size} ({onsets[k]:g} s) is not after the one before: sort them, and leave out "
+            "those that are there twice or are no times."
         )
-    shortest, longest, cycle = int(np.argmin(durations)), int(np.argmax(durations)), float(np.median(durations))
+    cycle = float(np.median(durations))
     beyond = onsets[0] < start - 1.5 * cycle or onsets[-1] > stop + 1.5 * cycle
     missing = onsets[0] > start + 2.5 * cycle or onsets[-1] < stop - 2.5 * cycle
     if (beyond and missing) or cycle > stop - start:  # those of a whole trial cover its segments
@@ -107,22 +111,12 @@ def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
             f"the onsets go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to {stop:g} s: give them "
             "in seconds of the record, neither milliseconds nor samples; a segment keeps the times of its trial."
         )
-    for k, fault in ((longest, "missing"), (shortest, "too many")):
-        if not cycle / UNEVEN <= durations[k] <= cycle * UNEVEN:
-            raise DataError(
-                f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} "
-                f"s: is an onset {fault} there? Mend the onsets, or cut the record to cycles of one kind."
-            )
-
-
-def _variable(trial: PreparedTrial, name: str, option: str) -> np.ndarray:
-    if name not in trial.trial:
-        variables = ", ".join(map(str, trial.trial.data_vars))
+    k = int(np.argmax(np.abs(np.log(durations / cycle))))
+    if not cycle / UNEVEN <= durations[k] <= cycle * UNEVEN:
         raise DataError(
-            f"the trial has no variable {name!r} for {option}; it has {variables}. Name one of these, or read another "
-            "one with the trial: variables of read_trial, a further array of new_trial."
+            f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} s: "
+            "is an onset missing there, or one too many? Mend the onsets, or cut the record to cycles of one kind."
         )
-    return trial.samples(name)
 
 
 def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] | None, schedule: str | None) -> Course:
@@ -182,7 +176,7 @@ def course_values(trial: PreparedTrial, grid: Grid, schedule: str | None) -> np.
     """Scheduling variable at the decimated samples, or, without one, their time from the first sample [s]."""
     if schedule is None:
         return trial.grid_times(grid) - float(trial.time[0])
-    _variable(trial, schedule, "schedule")
+    trial.check_variable(schedule, "for schedule", NO_VARIABLE)
     return trial.channel(schedule, grid)
 
 
@@ -199,24 +193,15 @@ def _schedule_limits(
             f"{name} does not vary between its 2nd and 98th percentile: a scheduling variable has to. Name another "
             "one, or leave out schedule for changes over time."
         )
-    for channel in ("position", "reference"):
-        if channel not in trial.trial:
-            continue
-        share = float(_fast_changes(values) @ _fast_changes(trial.channel(channel, grid))) ** 2
+    for channel in (name for name in ("position", "reference") if name in trial.trial):
+        with np.errstate(invalid="ignore"):  # a signal without such changes has no correlation
+            share = np.corrcoef(np.diff(values, 2), np.diff(trial.channel(channel, grid), 2))[0, 1] ** 2
         if share > COMMON:
             raise DataError(
                 f"{name} follows the perturbation: {100 * share:.0f} % of its fast changes are those of the {channel}. "
                 "It takes their effect out of the torque. Give its slow part, filtered below about 1 Hz."
             )
     return low, high
-
-
-def _fast_changes(x: np.ndarray) -> np.ndarray:
-    """Second differences of a signal, of unit norm; zeros for one without any."""
-    changes = np.diff(x, 2)
-    changes -= changes.mean()
-    norm = float(np.linalg.norm(changes))
-    return changes / norm if norm > 0 else changes
 
 
 def trajectory_dataset(
@@ -264,18 +249,14 @@ class Splines:
 
     def __call__(self, place: np.ndarray) -> np.ndarray:
         """Values of the splines at places within 0 … 1, shape (N, size)."""
+        from scipy.interpolate import BSpline  # here, because its import takes time and only such joints need it
+
         intervals = self.size if self.periodic or self.degree == 0 else self.size - 3
+        knots = np.arange(-self.degree, intervals + self.degree + 1.0)
         scaled = np.clip(place, 0.0, 1.0) * intervals
-        first = np.minimum(scaled.astype(int), intervals - 1)
-        values, rows = np.zeros((place.size, self.size)), np.arange(place.size)
-        if self.degree == 0:
-            values[rows, first] = 1.0
-            return values
-        u = scaled - first
-        pieces = ((1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3)
-        for k, piece in enumerate(pieces):
-            values[rows, (first + k) % self.size] += piece / 6.0  # of four splines at least: each place has others
-        return values
+        values = BSpline.design_matrix(scaled, knots, self.degree).toarray()
+        values[:, : values.shape[1] - self.size] += values[:, self.size :]  # those beyond the end of a period
+        return values[:, : self.size]
 
     @cached_property
     def penalty(self) -> np.ndarray:

@@ -96,7 +96,7 @@ def identify_file(
     check_flag("identify_file", "overwrite", overwrite)
     if not isinstance(record, LongRecord):
         raise TypeError(f"record must be an ankleloop.LongRecord, got {type(record).__name__}: identify takes trials.")
-    check_output(output, overwrite=overwrite, inputs=[record.path])
+    check_output(output, overwrite=overwrite, source=record.path)
     reference = "reference" if MEMBERS[method][0] == "past-reference" else None
     if reference and record.reference is None:
         raise DataError(f"{record.path.name}: {method} needs a reference: name its variable.")
@@ -105,7 +105,7 @@ def identify_file(
     chunks.fit_basis()
     beginning = chunks.regressors(0, min(SEPARATION_SAMPLES, chunks.grid.samples))
     model = moesp_chunks(chunks.signals, **subspace_arguments(chosen, beginning, method))
-    with atomic_netcdf(output, overwrite=overwrite, inputs=[record.path]) as file:
+    with atomic_netcdf(output, overwrite=overwrite) as file:
         file.attrs.update({"method": method, "identification_rate": beginning.rate, "source": record.path.name})
         vaf = chunks.write_torques(model, file)
     # An index of the time would take it, and several times its size, into memory.

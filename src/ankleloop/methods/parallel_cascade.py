@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
@@ -121,20 +122,17 @@ def _alternate(
     lagged: Sequence[np.ndarray], target: np.ndarray, options: ParallelCascadeOptions
 ) -> tuple[list[np.ndarray], list[float], bool]:
     """Impulse responses by alternating least squares; the history holds the net VAF after each pass."""
-    paths = [np.linalg.svd(part, full_matrices=False) for part in lagged]
-    ranks = [np.count_nonzero(values > SIGNIFICANT * values[0]) for _, values, _ in paths]
-    directions = [part[0][:, :rank] for part, rank in zip(paths, ranks, strict=True)]
-    projections, torques, converged = [np.empty(0)] * 2, [np.zeros_like(target)] * 2, False
+    directions = [linalg.orth(part, SIGNIFICANT) for part in lagged]
+    torques, converged = [np.zeros_like(target)] * 2, False
     history: list[float] = []
     while len(history) < (options.max_passes or PASS_CEILING) and not converged:
         for path, other in ((0, 1), (1, 0)):
-            projections[path] = directions[path].T @ (target - torques[other])
-            torques[path] = directions[path] @ projections[path]
+            torques[path] = directions[path] @ (directions[path].T @ (target - torques[other]))
         residual = target - torques[0] - torques[1]
         history.append(float(100 * (1 - residual @ residual / (target @ target))))
         converged = len(history) > 1 and history[-1] - history[-2] < options.tolerance
-    parts = zip(paths, ranks, projections, strict=True)
-    return [(rows[:rank].T / values[:rank]) @ found for (_, values, rows), rank, found in parts], history, converged
+    pairs = zip(lagged, torques, strict=True)
+    return [np.linalg.lstsq(part, torque, rcond=SIGNIFICANT)[0] for part, torque in pairs], history, converged
 
 
 METHODS = (Method("parallel-cascade", ParallelCascadeOptions, identify_parallel_cascade),)

@@ -112,6 +112,6 @@ def identify(
         raise DataError("options are selected on one trial at a time: set them for trials that are merged.")
     shared = {name: value for name, value in {**entry.options.defaults(), **options}.items() if name in SHARED}
     selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)
-    estimate = entry(trial, **options, **selection.chosen)
-    estimate.diagnostics["selection"] = vars(selection)
+    estimate = entry(trial, **options, **selection["chosen"])
+    estimate.diagnostics["selection"] = selection
     return estimate

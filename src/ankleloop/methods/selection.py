@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -28,17 +27,6 @@ STEP = 0.02  # s between lags
 LEADS = 0.05  # s of the position, either way
 
 
-@dataclass(frozen=True)
-class Selection:
-    """Candidates, their scores, and the choice."""
-
-    criterion: str  # of the choice
-    # Options of each candidate, its `scores` [%] on the data that it was not fitted to, by the criterion, and the
-    # `warnings` of its fits; or the `error` where it could not be fitted.
-    candidates: list[dict[str, Any]]
-    chosen: dict[str, Any]  # options of the chosen candidate
-
-
 # A half of a record to fit to, the other one to test on, and times of the latter with instruments at them.
 Half = tuple[PreparedTrial, PreparedTrial, tuple[np.ndarray, np.ndarray] | None]
 
@@ -53,7 +41,7 @@ def select_options(
     delay: float | None = NOMINAL_DELAY,
     identification_rate: float = 100.0,
     cycle_onsets: str | Sequence[float] | None = None,
-) -> Selection:
+) -> dict[str, Any]:
     r"""Choose options by the residual in the half of the record that was not fitted.
 
     "cross-validation" counts the whole residual: the score is the net VAF. In closed loop that rewards a model for
@@ -85,8 +73,10 @@ def select_options(
 
     Returns
     -------
-    Selection
-        Of a record whose halves are long enough, and of which a candidate can be fitted; others raise a `DataError`.
+    dict
+        "criterion"; "candidates", each with its options, its `scores` [%] on the data that it was not fitted to and the
+        `warnings` of its fits, or the `error` where it could not be fitted; and the "chosen" options. A record whose
+        halves are too short, or of which no candidate can be fitted, raises a `DataError`.
 
     Examples
     --------
@@ -94,7 +84,7 @@ def select_options(
     >>> from ankleloop.simulation.simulate import simulate
     >>> fit = METHODS["pr-moesp"]
     >>> trial = simulate(seed=1, snr_db=None, voluntary=0.0)
-    >>> select_options(trial, fit, {"basis": ["rectifier"], "order": [1, 2]}).chosen
+    >>> select_options(trial, fit, {"basis": ["rectifier"], "order": [1, 2]})["chosen"]
     {'basis': 'rectifier', 'order': 2}
     """
     record = prepare(trial).trial
@@ -105,19 +95,19 @@ def select_options(
             f"the instrumental criterion needs a reference, and there is no {reference!r}: use 'cross-validation'."
         )
     inputs = {"delay": NOMINAL_DELAY if delay is None else delay, "identification_rate": identification_rate}
-    halves = _halve(record, reference if criterion == "instrumental" else None, inputs)
+    halves = _halve(record, reference if has_reference else None, inputs)
     rows: list[dict[str, Any]] = []
     losses: dict[int, np.ndarray] = {}  # by the number of the candidate, of those that could be fitted
     for number, values in enumerate(itertools.product(*candidates.values())):
         options = dict(zip(candidates, values, strict=True))
         rows.append({**options, "scores": {}, "warnings": []})
         try:
-            losses[number], score, rows[-1]["warnings"] = _score(halves, partial(fit, **options), cycle_onsets)
-            rows[-1]["scores"] = {criterion: score}
+            loss, rows[-1]["scores"], rows[-1]["warnings"] = _score(halves, partial(fit, **options), cycle_onsets)
+            losses[number] = loss[criterion]
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows[-1]["error"] = str(error)
     best = rows[_simplest(losses, rows)]
-    return Selection(criterion, rows, {name: best[name] for name in candidates})
+    return {"criterion": criterion, "candidates": rows, "chosen": {name: best[name] for name in candidates}}
 
 
 def check_selection(
@@ -128,16 +118,13 @@ def check_selection(
     check_choice(owner, "criterion", criterion, (*CRITERIA, None))
     kinds = (list, tuple, range, np.ndarray)
     listed = isinstance(select, Mapping) and all(isinstance(part, kinds) and len(part) for part in select.values())
-    if not listed or (criterion is not None and not select):
+    if not listed or (criterion is not None and not select) or "identification_rate" in select:
         raise ValueError(
-            f"select must be a dict of options, each with a list of at least one value, got {show_value(select)}."
+            "select must be a dict of options, each with a list of at least one value, and not of identification_rate "
+            f"(residuals at different rates contain different bands of noise), got {show_value(select)}."
         )
-    if "identification_rate" in select:
-        raise ValueError(
-            "identification_rate cannot be selected: residuals at different rates contain different bands of noise."
-        )
-    for name in sorted(set(options) & set(select)):
-        raise TypeError(f"option {name!r} is given, and to be selected as well: choose one of the two.")
+    if both := sorted(set(options) & set(select)):
+        raise TypeError(f"option {both[0]!r} is given, and to be selected as well: choose one of the two.")
     for combination in itertools.product(*select.values()):
         model.parse(f"select: {owner}" if select else owner, **options, **dict(zip(select, combination, strict=True)))
     return {name: list(values) for name, values in select.items()}
@@ -181,9 +168,10 @@ def _project(instruments: tuple[np.ndarray, np.ndarray], time: np.ndarray, signa
 
 def _score(
     halves: Sequence[Half], fit: Callable[[PreparedTrial], Estimate], cycle_onsets: str | Sequence[float] | None
-) -> tuple[np.ndarray, float, list[str]]:
-    """Losses of a candidate in segments of time, its score [%], and warnings of its fits."""
-    losses, total = [], 0.0
+) -> tuple[dict[str, np.ndarray], dict[str, float], list[str]]:
+    """Losses of a candidate in segments of time, and scores [%], by criterion; and warnings of its fits."""
+    losses: dict[str, list[np.ndarray]] = {}
+    totals: dict[str, float] = {}
     warnings: list[str] = []
     for training, test, instruments in halves:
         estimate = fit(training)
@@ -200,15 +188,18 @@ def _score(
         if not np.isfinite(signals).all():
             raise DataError("the prediction of unseen data is not finite.")
         signals -= signals.mean(axis=1, keepdims=True)
+        explainable = {"cross-validation": signals}
         if instruments is not None:
-            signals = _project(instruments, time[scored], signals)
+            explainable["instrumental"] = _project(instruments, time[scored], signals)
         # Counted from the start of the half, so that all candidates have the same segments.
         start, stop = test.time[[0, -1]]
         segments = ((time[scored] - start) / SEGMENT).astype(int)
-        losses.append(np.bincount(segments, signals[0] ** 2, int((stop - start) / SEGMENT) + 1))
-        total += signals[1] @ signals[1]
-    loss = np.concatenate(losses)
-    return loss, float(100.0 * (1.0 - loss.sum() / total)), list(dict.fromkeys(warnings))
+        for name, (residual, target) in explainable.items():
+            losses.setdefault(name, []).append(np.bincount(segments, residual**2, int((stop - start) / SEGMENT) + 1))
+            totals[name] = totals.get(name, 0.0) + target @ target
+    joined = {name: np.concatenate(parts) for name, parts in losses.items()}
+    scores = {name: float(100.0 * (1.0 - loss.sum() / totals[name])) for name, loss in joined.items()}
+    return joined, scores, list(dict.fromkeys(warnings))
 
 
 def _simplest(losses: Mapping[int, np.ndarray], rows: Sequence[Mapping[str, Any]]) -> int:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ankleloop.joint.estimate import Estimate
     from ankleloop.joint.prepared import PreparedTrial
 
-MOST_VALUES = 700_000  # numbers of a figure: less than 4 MB in the page
+MOST_SAMPLES = 20_000  # of a line: less than 5 MB in the page
 HEIGHT, STRIP = 160, 80  # px of a panel, and of the strip that shows the window in the record
 SHORTEST = 0.05  # s of a window
 RESIDUAL = 0.45  # opacity of a residual, whose colour is that of the estimate
@@ -50,15 +50,13 @@ def render_interactive_torques(
     """Measured and estimated torques of a whole record, which a reader zooms, moves, and switches on and off."""
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     lines = list_lines(prepare(trial), estimates, styles, list(estimates)[:2] if shown is None else shown)
-    size = sum(line.time.size * (1 + len(line.torques)) for line in lines)
-    width = -(-2 * size // MOST_VALUES) if size > MOST_VALUES else 1
+    step = -(-lines[0].time.size // MOST_SAMPLES)
     caption = "Torques of the whole record, less their means. "
-    if width > 1:
-        step = width * float(np.diff(lines[0].time[:2])[0])
-        caption += f"The record is long: least and greatest value in every {step:.3g} s. "
+    if step > 1:
+        caption += f"The record is long: of every {step} samples one is drawn. "
     if all(line.label != TRUE_LABEL for line in lines):
         caption += "The intrinsic and the reflex torque of a recording are not known: the panels show their estimates."
-    return render_template("interactive.html.j2", caption=caption, figure=_draw(lines, window, width))
+    return render_template("interactive.html.j2", caption=caption, figure=_draw(lines, window, step))
 
 
 def list_lines(
@@ -80,16 +78,7 @@ def list_lines(
     return lines + residuals
 
 
-def thin(time: np.ndarray, values: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times and values of a record that is too long: the least and the greatest of each bin, so no peak is lost."""
-    if width > 1:
-        starts = np.arange(0, time.size, width)
-        values = np.stack([np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)], axis=1).ravel()
-        time = np.repeat(time[starts], 2)
-    return time.astype(np.float32), values.astype(np.float32)
-
-
-def _draw(lines: Sequence[Line], window: Mapping[str, float], width: int) -> Any:
+def _draw(lines: Sequence[Line], window: Mapping[str, float], step: int) -> Any:
     """Bokeh's description of the figure: panels with one time, a legend that hides, and a strip with the window."""
     from bokeh.embed import json_item  # here: it takes a second, and few jobs need it
     from bokeh.layouts import column, gridplot
@@ -114,14 +103,16 @@ def _draw(lines: Sequence[Line], window: Mapping[str, float], width: int) -> Any
     items = []
     for line in lines:
         style: dict[str, Any] = {"color": line.colour, "alpha": line.opacity, "visible": line.shown, "name": line.label}
+        time = line.time[::step].astype(np.float32)
         drawn: list[Any] = [
-            panels[torque].line(*thin(line.time, values, width), **style) for torque, values in line.torques.items()
+            panels[torque].line(time, values[::step].astype(np.float32), **style)
+            for torque, values in line.torques.items()
         ]
         items.append(LegendItem(label=line.label, renderers=drawn))
     legend = Legend(items=items, click_policy="hide", location="top_left", ncols=2, label_text_font_size="11px")
     panels["net"].add_layout(legend, "above")
     strip = figure(height=STRIP, x_range=Range1d(*times), tools="", toolbar_location=None, sizing_mode="stretch_width")
-    strip.line(lines[0].time[::width], lines[0].torques["net"][::width], color=lines[0].colour)
+    strip.line(lines[0].time[::step], lines[0].torques["net"][::step], color=lines[0].colour)
     strip.add_tools(RangeTool(x_range=x_range))
     strip.yaxis.visible, strip.min_border_left = False, 70
     grid = gridplot([[panel] for panel in panels.values()], sizing_mode="stretch_width", toolbar_location="right")

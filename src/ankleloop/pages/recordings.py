@@ -16,12 +16,10 @@ from ankleloop.plotting.style import method_styles, render_figure
 from ankleloop.plotting.torques import torque_figure
 from ankleloop.plotting.trajectories import trajectories_figure
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.recommendation import format_with_interval
-from ankleloop.recordings.variation import describe_variations
+from ankleloop.recordings.recommendation import describe_variations, format_with_interval
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
 
     from ankleloop.joint.estimate import Estimate
     from ankleloop.recordings.analysis import Analysis
@@ -47,13 +45,6 @@ class EmbeddedFigure:
     data: pd.DataFrame | None = field(default=None, compare=False, repr=False)  # numbers that the figure draws
 
 
-def embed_figure(figure: Figure, interactive: str = "") -> EmbeddedFigure:
-    """Convert a figure to a picture inside a page."""
-    width = round(PIXELS_PER_INCH * figure.get_size_inches()[0])
-    source = f"data:image/png;base64,{base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()}"
-    return EmbeddedFigure(source, width, interactive, getattr(figure, "data", None))
-
-
 def embed_recording_figures(
     trial: xr.Dataset | None, analysis: Analysis, *, start: float = 10.0, length: float = 5.0
 ) -> dict[str, EmbeddedFigure]:
@@ -74,7 +65,12 @@ def embed_recording_figures(
             figures["trajectories"] = trajectories_figure(changing, styles=styles)
         tests = {marked[label]: test for label, test in analysis.residuals.items()}
         figures["residuals"] = residual_figure(tests, styles=styles)
-    return {name: embed_figure(figure, interactive.get(name, "")) for name, figure in figures.items()}
+    embedded = {}
+    for name, figure in figures.items():
+        width = round(PIXELS_PER_INCH * figure.get_size_inches()[0])
+        source = f"data:image/png;base64,{base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()}"
+        embedded[name] = EmbeddedFigure(source, width, interactive.get(name, ""), figure.data)
+    return embedded
 
 
 def render_recording_page(

@@ -145,23 +145,16 @@ class Judgement:
 
     @property
     def explanation(self) -> str:
-        """What keeps the claim from being reproduced, for a sentence; empty if nothing does."""
-        (low, high), (smallest, largest) = self.interval, self.decisive.accepted
-        label = f"{self.decisive.label}: " if self.decisive.label else ""
-        if self.verdict == REPRODUCED or math.isnan(smallest + largest):
+        """What decides the claim, beside the numbers of the ledger, or why nothing does; empty if it is reproduced."""
+        label = self.decisive.label
+        prefix = f"{label}: " if label else ""
+        if self.verdict == REPRODUCED:
             return ""
         if math.isnan(self.decisive.difference):
-            return f"{label}there is no result"
-        if math.isnan(low + high):
-            return f"{label}there is no interval, which takes two trials or more"
-        place = "lies outside" if self.verdict == NOT_REPRODUCED else "reaches beyond"
-        accepted = f"at least {smallest:g}" if math.isinf(largest) else f"{smallest:g} … {largest:g}"
-        if math.isinf(smallest):
-            accepted = f"at most {largest:g}"
-        return (
-            f"{label}the difference, {low:.3g} … {high:.3g} at {100 * self.level:.4g} %, {place} what is accepted, "
-            f"{accepted}"
-        )
+            return f"{prefix}there is no result"
+        if math.isnan(sum(self.interval)):
+            return f"{prefix}there is no interval, which takes two trials or more"
+        return f"{label} decides" if label else ""
 
 
 def judge(comparisons: Sequence[Comparison]) -> Judgement:

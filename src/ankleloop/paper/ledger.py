@@ -10,8 +10,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from ankleloop.paper.checks import CLAIM_CHECKS, Fact
-from ankleloop.paper.evidence import Case, MissingEvidence, StudyResults
+from ankleloop.paper.checks import CLAIM_CHECKS, Case, MissingEvidence, Row, StudyResults
 from ankleloop.paper.judgement import (
     AT_TOLERANCE,
     BY_CONSTRUCTION,
@@ -20,11 +19,7 @@ from ankleloop.paper.judgement import (
     NOT_REPRODUCED,
     OPEN,
     REPRODUCED,
-    Comparison,
-    describe_result,
     format_result,
-    half_interval,
-    judge,
 )
 
 VERDICTS = {
@@ -42,8 +37,6 @@ PAPER, FINDING = "paper", "finding"  # whose statement a row is: the paper's or 
 SECTIONS = {"table1": "IV, Table 1", "table2": "V, Table 2"}
 NUMBERS = ("ours", "uncertainty", "tolerance", "difference", "difference_low", "difference_high")
 COLUMNS = ("id", "section", "statement", "unit", "paper", *NUMBERS, "verdict", "reason", "conditions", "how", "source")
-MOST_RESULTS = 8  # of comparisons that a reason lists; of more it has the decisive one
-NEARLY_ALL = 90.0  # % VAF: from here on what is left unexplained tells more than the VAF
 
 Conclusions = Mapping[str, Mapping[str, str]]
 
@@ -86,42 +79,12 @@ def _table_claim(name: str, number: Mapping[str, Any], labels: Mapping[str, str]
     }
 
 
-def _check(case: Case) -> dict[str, Any]:
+def _check(case: Case) -> Row:
     """Verdict on a claim, with the numbers that it rests on and its reason."""
     try:
-        result = CLAIM_CHECKS[case.claim["check"]](case)
+        return CLAIM_CHECKS[case.claim["check"]](case)
     except MissingEvidence as missing:
         return {"verdict": OPEN, "reason": str(missing)}
-    if isinstance(result, Fact):
-        return {"verdict": result.verdict, "ours": result.value, "reason": f"{result.reason}."}
-    judgement = judge(result.comparisons)
-    ours = result.ours or judgement.decisive.ours
-    difference_low, difference_high = judgement.interval
-    listed = result.comparisons if len(result.comparisons) <= MOST_RESULTS else [judgement.decisive]
-    texts = ", ".join(map(_describe, listed))
-    if len(listed) < len(result.comparisons):
-        texts += f" (of {len(result.comparisons)} results the decisive one)"
-    reason = f"{result.what}: {texts}" + (f"; {result.remark}" if result.remark else "")
-    explanation = judgement.explanation
-    has_condition = judgement.verdict == REPRODUCED and isinstance(case.claim["conditions"], str)
-    return {
-        "verdict": CONDITIONAL if has_condition else judgement.verdict,
-        "ours": ours.value,
-        "uncertainty": half_interval(ours),
-        "difference": judgement.decisive.difference,
-        "difference_low": difference_low,
-        "difference_high": difference_high,
-        "reason": reason.rstrip(".") + (f" – {explanation}." if explanation else "."),
-    }
-
-
-def _describe(comparison: Comparison) -> str:
-    """A result in words; of a VAF near 100 % also what it leaves unexplained, since its difference says little."""
-    ours, paper = comparison.ours.value, comparison.paper
-    text = f"{comparison.label} {describe_result(comparison.ours)}".strip()
-    if not (NEARLY_ALL <= paper < 100.0 and ours >= NEARLY_ALL):
-        return text
-    return f"{text} ({(100.0 - ours) / (100.0 - paper):.2g} times the unexplained variance of the paper)"
 
 
 def count_held(ledger: pd.DataFrame) -> str:

@@ -36,11 +36,10 @@ QUANTILES = {"low": 0.1, "median": 0.5, "high": 0.9}  # between the outer ones a
 STATISTICS = ["mean", "sd", "n", "margin", *QUANTILES]
 FAULTS = ["trials", "failures", "warnings"]
 DIFFERENCE = MethodStyle("#222222", "o")
-BANDS = {
-    "mean": "bands are 95 % confidence intervals of the mean over the conditions of a value, or over its trials where "
-    "it has one condition",
-    "trials": "bands hold 80 % of the trials (quantiles 10 to 90 %)",
-}
+BANDS = (
+    "bands are 95 % confidence intervals of the mean over the conditions of a value, or over its trials where it has "
+    "one condition"
+)
 MARKS = (
     f" A ring, or an asterisk: at least {100 * FAULT_SHARE:g} % of the trials of a mean failed, which it leaves out, "
     "or came with a warning, which it holds. A cross: no trial has a value."
@@ -48,9 +47,8 @@ MARKS = (
 EXTREMES = (
     "Points with the best and the worst mean (of an error: by the root mean square over trials), or the lowest and "
     "the highest of a quantity that has no best; mean ± standard deviation over trials. Points where less than half "
-    "of the trials have a value are not ranked; a point where half came with a warning is never the best. Failures "
-    "are trials without an estimate, which means leave out; warnings are trials whose estimate came with a warning, "
-    "which means hold. All points are in the CSV file."
+    "of the trials have a value are not ranked. Failures are trials without an estimate, which means leave out; "
+    "warnings are trials whose estimate came with a warning, which means hold. All points are in the CSV file."
 )
 
 
@@ -82,7 +80,6 @@ class SweepStudy:
     difference: str  # label of the difference of two methods; empty without one
     panels: Mapping[tuple[str, bool], SweepPanel]  # by quantity, and whether it is that of the difference
     styles: Mapping[str, MethodStyle]  # by label
-    band: str  # what bands of lines hold, a key of `BANDS`
 
     @classmethod
     def read(
@@ -125,7 +122,6 @@ class SweepStudy:
             difference,
             _list_panels(quantities, [axis.name for axis in parameters], simulation, with_difference=bool(pair)),
             {label: styles[name] for name, label in labels.items()} | {difference: DIFFERENCE},
-            settings["band"],
         )
 
     def summarise(self) -> pd.DataFrame:
@@ -230,9 +226,8 @@ def summarise_effects(
     several = _group(table, by)["condition"].transform("nunique") > 1
     table["unit"] = table["condition"].where(several, table["trial"])
     units = _group(table, [*by, "unit"])[list(quantities)].mean().reset_index().assign(failed=False, warned=False)
-    own = ["mean", "sd", "n", "margin"]
-    means = summarise_sweep(units, by, quantities)[[*by, "quantity", *own]]
-    return summarise_sweep(table, by, quantities).drop(columns=own).merge(means, on=[*by, "quantity"], how="left")
+    means = summarise_sweep(units, by, quantities)[["mean", "sd", "n", "margin"]]
+    return summarise_sweep(table, by, quantities).assign(**means)
 
 
 def widen_summary(summary: pd.DataFrame) -> pd.DataFrame:
@@ -248,12 +243,11 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     if len(sweep.axes) == 2:
         return draw_map(sweep)
     binned = len(sweep.axes) > 1
-    effects = pd.concat([summarise_effects(sweep.trials, axis, sweep.quantities, binned=binned) for axis in sweep.axes])
-    if sweep.band == "mean":
-        effects = _add_ends(effects)
-    effects.loc[effects["quantity"].isin(FAULT_SHARES), ["low", "high"]] = np.nan  # counts have no band
-    figure = lines_figure(sweep.label_rows(effects), sweep.axes, list(sweep.panels.values()), sweep.styles)
-    return figure, f"{_describe(sweep, sweep.axes)}; {BANDS[sweep.band]}.{MARKS}"
+    effects = [summarise_effects(sweep.trials, axis, sweep.quantities, binned=binned) for axis in sweep.axes]
+    table = _add_ends(pd.concat(effects))
+    table.loc[table["quantity"].isin(FAULT_SHARES), ["low", "high"]] = np.nan  # counts have no band
+    figure = lines_figure(sweep.label_rows(table), sweep.axes, list(sweep.panels.values()), sweep.styles)
+    return figure, f"{_describe(sweep, sweep.axes)}; {BANDS}.{MARKS}"
 
 
 def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
@@ -311,23 +305,17 @@ def _list_values(axis: SweepAxis) -> str:
 
 def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     """Points with the best and the worst mean of each quantity and method; lowest and highest without a goal."""
-    goals = summary["quantity"].map(desired_value)
-    spread = summary["sd"].fillna(0.0) ** 2 * (summary["n"] - 1).clip(lower=0) / summary["n"]
-    size = summary["mean"].mask(goals == "high", -summary["mean"])  # the less, the better
-    size = size.mask(goals == "zero", np.sqrt(summary["mean"] ** 2 + spread))  # bias and spread together
-    warned = summary["warnings"] >= LEAST_SHARE * summary["trials"]
-    ranked = summary.assign(size=size, unwarned=size.mask(goals.notna() & warned))
-    ranked = ranked[size.notna() & (summary["n"] >= LEAST_SHARE * summary["trials"])]
+    table = summary[summary["n"] >= LEAST_SHARE * summary["trials"]]
+    goals = table["quantity"].map(desired_value)
+    error = np.sqrt(table["mean"] ** 2 + table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"])
+    size = table["mean"].mask(goals == "high", -table["mean"]).mask(goals == "zero", error)  # the less, the better
+    groups = dict(iter(table.assign(size=size).sort_values("size", kind="stable").groupby(["quantity", "method"])))
     rows = []
-    for name, (method, label) in product(sweep.quantities, sweep.labels.items()):
-        part = ranked[(ranked["quantity"] == name) & (ranked["method"] == method)]
-        ends = {"best": part["unwarned"].dropna(), "worst": -part["size"]} if len(part) > 1 else {}
-        for rank, values in ends.items():
-            if values.empty:
-                continue
-            point = summary.loc[values.idxmin()]
-            words = rank if desired_value(name) else {"best": "lowest", "worst": "highest"}[rank]
-            row = {"quantity": SWEEP_QUANTITIES[name].label, "method": label, "rank": words}
+    for name, method in product(sweep.quantities, sweep.labels):
+        part = groups.get((name, method), table[:0])
+        ranks = ("best", "worst") if desired_value(name) else ("lowest", "highest")
+        for rank, (_, point) in zip(ranks, part.iloc[[0, -1]].iterrows(), strict=True) if len(part) > 1 else ():
+            row = {"quantity": SWEEP_QUANTITIES[name].label, "method": sweep.labels[method], "rank": rank}
             row |= {axis.heading: axis.format(point[axis.name]) for axis in sweep.parameters}
             row["mean ± sd"] = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")[0]
             rows.append(row | {count: str(point[count]) for count in FAULTS})

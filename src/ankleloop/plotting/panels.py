@@ -10,7 +10,6 @@ import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
@@ -24,6 +23,7 @@ BAND = 0.22  # opacity
 NOTE: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": 6.5, "color": "#555555"}
 COLUMNS, HEIGHT = 3, 50.0  # panels side by side, and mm of a row of them
 ROW, SYMBOL = 5.5, 1.3  # mm of a row of symbols, and at least of each symbol in it
+LETTER, HANDLE, ENTRY = 3.8, 34.0, 4.2  # of a legend: points of a letter and of the line beside a label, mm of a row
 MOST_SYMBOLS = 25  # means of a curve that have a symbol each
 DIGITS = ((1.0, 2.0, 5.0), (1.0, 3.0))  # that have a label in each decade, by the room that there is
 # Columns of a table of series that may be missing: ends of the interval, and what came of the trials.
@@ -237,21 +237,16 @@ def finish(figure: DataFigure) -> DataFigure:
 
 
 def add_legend(figure: DataFigure) -> None:
-    """Put the entries of all lines below the panels, in as few rows as fit: each label once, those of marks last."""
+    """Put the entries of all lines below the panels, as many in a row as fit: each label once, those of marks last."""
     lines: dict[str, Line2D] = {}
     for line in (line for axis in figure.axes for line in axis.get_lines()):
         lines.setdefault(str(line.get_label()), line)
     names = sorted((name for name in lines if name[0] != "_"), key=lambda name: _rank(lines[name]))
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    for rows in range(1, len(names) + 1):
-        columns = -(-len(names) // rows)
-        handles = [lines[name] for name in names]
-        legend = figure.legend(handles, names, loc="outside lower center", ncols=columns)
-        extent = legend.get_window_extent(renderer)
-        if extent.width <= figure.bbox.width or columns == 1:
-            figure.set_figheight(figure.get_figheight() + extent.height / figure.dpi)
-            break
-        legend.remove()
+    if names:
+        entry = LETTER * max(map(len, names)) + HANDLE
+        columns = max(1, min(len(names), int(72.0 * figure.get_figwidth() / entry)))
+        figure.set_figheight(figure.get_figheight() + ENTRY / 25.4 * -(-len(names) // columns))
+        figure.legend([lines[name] for name in names], names, loc="outside lower center", ncols=columns)
 
 
 def _rank(line: Line2D) -> int:

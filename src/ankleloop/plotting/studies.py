@@ -71,11 +71,9 @@ def _stretch_above(axis: Axes, level: float) -> None:
         return places / np.where(places < 0.0, below, above) + level
 
     axis.set_yscale("function", functions=(stretch, shrink))
-    ticks: set[float] = set()
-    for start, end in ((low, level), (level, high)):
-        ends = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(start, end)
-        ticks |= {float(tick) for tick in ends if start <= tick <= end}
-    axis.set_yticks(sorted(ticks))
+    find = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values
+    ends = (low, level), (level, high)
+    axis.set_yticks(sorted({tick for start, end in ends for tick in find(start, end) if start <= tick <= end}))
     axis.axhline(level, color="#888888", lw=0.8, zorder=0.5)
 
 

@@ -97,8 +97,7 @@ METHOD_STYLES: Mapping[str, MethodStyle] = {
     "riv": MethodStyle("#882255", "D"),
     "riv-tv": MethodStyle("#B22222", "p"),
 }
-# Of methods that the registry has but the table above does not, such as a new one.
-SPARE_STYLES = (MethodStyle("#555555", "P"), MethodStyle("#332288", "h"), MethodStyle("#661100", "*"))
+SPARE = MethodStyle("#555555", "P")  # of a method without one, such as a new one
 
 # Change of lightness, fill and line of the variants of a method: they keep its colour and its symbol.
 VARIANTS: tuple[tuple[float, bool, Dashes], ...] = (
@@ -124,15 +123,13 @@ def method_styles(algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
     """
     if len(algorithms) > MOST_VARIANTS and len(set(algorithms.values())) == 1:
         return ordinal_styles(algorithms)
-    spare = [name for name in dict.fromkeys(algorithms.values()) if name not in METHOD_STYLES]
-    base = {**METHOD_STYLES, **{name: SPARE_STYLES[n % len(SPARE_STYLES)] for n, name in enumerate(spare)}}
     styles: dict[str, MethodStyle] = {}
     used: Counter[str] = Counter()
     for key, method in algorithms.items():
         change, filled, dashes = VARIANTS[used[method] % len(VARIANTS)]
         used[method] += 1
-        colour = _lighten(base[method].colour, change)
-        styles[key] = replace(base[method], colour=colour, filled=filled, dashes=dashes)
+        base = METHOD_STYLES.get(method, SPARE)
+        styles[key] = replace(base, colour=_lighten(base.colour, change), filled=filled, dashes=dashes)
     return styles
 
 

@@ -1,16 +1,16 @@
-"""One recording from its checks to all its results: every valid method, fitted and tested on unseen data."""
+"""One recording from its checks to all its results: every valid method, fitted, and compared on unseen data."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy import special
 
 from ankleloop.assessment.residuals import ResidualTest, residual_test
 from ankleloop.assessment.scores import evaluate, parameter_row
@@ -19,18 +19,37 @@ from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import find_method, identify
-from ankleloop.methods.riv.alternatives import compute_shifts, format_shifts
+from ankleloop.methods.riv.alternatives import format_shifts
 from ankleloop.methods.selection import check_selection
 from ankleloop.recordings.checks import Check, check_trial
-from ankleloop.recordings.comparison import TorqueResidual, torque_residual
 from ankleloop.recordings.validity import caution, reason_against
 from ankleloop.signals.sampling import match_times
 from ankleloop.trials.trial import segment
 
-OTHER_DELAY = 0.01  # s
+BLOCK = 2.0  # s: longer than the squares of torques are correlated
+FEWEST = 5  # blocks
 DEFAULTS: Mapping[str, Any] = {"options": {}, "select": None, "criterion": None}
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueResidual:
+    """Torque of a trial, and what a model leaves of it."""
+
+    time: np.ndarray  # shape (N,): time in the trial [s]
+    measured: np.ndarray  # shape (N,): measured torque [N·m]
+    residual: np.ndarray  # shape (N,): measured less predicted torque [N·m]
+    rate: float  # sampling rate [Hz]
+
+
+@dataclass(frozen=True)
+class VafDifference:
+    """Difference of two VAFs on the same unseen data."""
+
+    difference: float  # VAF of the first method less that of the second [points]
+    low: float  # lower end of its 95 % interval
+    high: float  # upper end of its 95 % interval
 
 
 @dataclass(frozen=True)
@@ -45,9 +64,9 @@ class Analysis:
     residuals: dict[str, ResidualTest] = field(repr=False)
     # One row for each method: whether it is `valid` here (else the reason in `warnings`), `warnings` of its estimate,
     # whether it can be `trusted` (valid, and without a warning), a `caution` where it is valid with one, its
-    # `assumptions`, with what 10 ms more of an assumed delay would do, whether its model is `incomplete`, cross-
-    # validated and fitted VAF [%] with intervals, parameters with the kind of their `intervals` (parameters of a
-    # method with a warning have none), tests of the residual. One row without a method if the recording was refused.
+    # `assumptions`, whether its model is `incomplete`, cross-validated and fitted VAF [%] with intervals, parameters
+    # with the kind of their `intervals` (parameters of a method with a warning have none), tests of the residual. One
+    # row without a method if the recording was refused.
     table: pd.DataFrame = field(repr=False)
     # By the label of the method what its fit to the first half leaves of the second.
     unseen: dict[str, list[TorqueResidual]] = field(default_factory=dict, repr=False)
@@ -101,9 +120,9 @@ def analyse(
     trials = [trial] if isinstance(trial, (xr.Dataset, PreparedTrial)) else list(trial)
     methods = {label: {**DEFAULTS, **specification} for label, specification in methods.items()}
     for specification in methods.values():  # wrong options are refused before anything is fitted
-        method, options = find_method(specification["method"]), specification["options"]
-        select, criterion = specification["select"], specification["criterion"]
-        check_selection(f"method {method.name!r}", method.options, options, select, criterion)
+        options, select, criterion = (specification[name] for name in DEFAULTS)
+        entry = find_method(specification["method"])
+        check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
     check = check_trial(trials, reference=reference, **largest_options(methods))
     if check.verdict == "refused":
         return refused_analysis(check)
@@ -111,23 +130,27 @@ def analyse(
     analysis, rows = Analysis(check, {}, {}, pd.DataFrame()), []
     for number, (label, specification) in enumerate(methods.items(), start=1):
         log.info("method %d of %d: %s", number, len(methods), label)
-        row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": specification["method"]}
+        method = specification["method"]
+        row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": method, "valid": True}
         rows.append(row)
-        row["valid"] = True
         try:
             estimates, unseen, scores = _fit(prepared, check, specification)
             test = _test_residual(prepared, estimates, check.instrumental, reference)
-            row |= scores | _describe_estimate(prepared, check, specification, estimates[0], test)
+            row |= scores | _describe_estimate(prepared[0], check, method, estimates[0], test)
             analysis.records[label], analysis.residuals[label] = estimates, test
             if unseen:
                 analysis.unseen[label] = unseen
         except NUMERICAL_ERRORS as error:
-            reason = str(error)
-            if not isinstance(error, DataError):
-                log.warning("%s failed", label, exc_info=True)
-                reason = f"it failed numerically ({type(error).__name__}: {error})"
-            row |= {"valid": False, "trusted": False, "warnings": reason}
+            row |= {"valid": False, "trusted": False, "warnings": describe_failure(error)}
     return replace(analysis, table=pd.DataFrame(rows))
+
+
+def describe_failure(error: Exception) -> str:
+    """Why something could not be computed; what is no fault of the data goes to the log with its trace."""
+    if isinstance(error, DataError):
+        return str(error)
+    log.warning("failed", exc_info=error)
+    return f"it failed numerically ({type(error).__name__}: {error})."
 
 
 def refused_analysis(check: Check) -> Analysis:
@@ -226,25 +249,19 @@ def _test_residual(
 
 
 def _describe_estimate(
-    trials: list[PreparedTrial], check: Check, specification: Mapping[str, Any], estimate: Estimate, test: ResidualTest
+    trial: PreparedTrial, check: Check, method: str, estimate: Estimate, test: ResidualTest
 ) -> dict[str, Any]:
     """Columns of the table about the estimate of the first trial."""
     row = {f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")}
-    row |= parameter_row(trials[0], estimate)
+    row |= parameter_row(trial, estimate)
     warnings, diagnostics = estimate.fit_warnings, estimate.diagnostics
     if warnings:  # the covariance belongs to a solution that was not reached, or to another model
         for name in ("intervals", *(f"{name}_{end}" for name in estimate.intervals for end in ("low", "high"))):
             row.pop(name, None)
     # Warnings about the data concern all methods alike, so they do not decide between them.
     about_data = diagnostics.get("data_warnings", ())
-    cautions = caution(specification["method"], check.loop, check.reference), *about_data
+    cautions = caution(method, check.loop, check.reference), *about_data
     texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
-    if "delay" not in estimate.intervals:
-        longer = specification["options"] | {"delay": estimate.reflex["delay"] + OTHER_DELAY}
-        with suppress(DataError):
-            other = _identify(trials, specification["method"], **longer)[0]
-            shifts = compute_shifts(*({**part.stiffness, **part.reflex} for part in (estimate, other)))
-            texts.append(f"A delay of {1000 * OTHER_DELAY:g} ms more would move {format_shifts(shifts)}.")
     for alternative in diagnostics.get("alternatives", ()):
         moved = format_shifts(alternative["shifts"])
         texts.append(f"With {alternative['effect']} in the model it would move {moved}.")
@@ -256,3 +273,44 @@ def _describe_estimate(
         "incomplete": bool(test.related or about_data or diagnostics.get("alternatives")),
         "assumptions": " ".join(text[0].upper() + text[1:] for text in texts),
     }
+
+
+def torque_residual(trial: PreparedTrial, estimate: Estimate, *, trim: float = 0.0) -> TorqueResidual:
+    """Torque of a trial, and what an estimate leaves of it, without the ends that are to be trimmed [s]."""
+    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
+    measured = trial.channel_at("torque", time, rate)
+    return TorqueResidual(time[inside], measured[inside], (measured - estimate.torque["net"].values)[inside], rate)
+
+
+def compare_unseen(first: Sequence[TorqueResidual], second: Sequence[TorqueResidual]) -> VafDifference | None:
+    r"""Difference of the VAFs of two methods, with an interval that knows that both predict the same torque.
+
+    With residuals e₁ and e₂ of the torque y, each less its mean, the difference is
+
+    .. math:: d = 100 \, \frac{\sum e_2^2 - \sum e_1^2}{\sum y^2}, \qquad
+              \psi_t = 100 \, \frac{e_{2,t}^2 - e_{1,t}^2}{\overline{y^2}} - d \, \frac{y_t^2}{\overline{y^2}}
+
+    and the mean of ψ is asymptotically normal around zero. Its variance comes from means over blocks of two seconds,
+    its interval from Student's distribution. What is hard to predict for both methods cancels in it. None
+    if too little was scored at the same rate.
+    """
+    differences, weights, blocks = [], [], []
+    for a, b in zip(first, second, strict=True):
+        _, rows_a, rows_b = np.intersect1d(np.round(a.time * a.rate), np.round(b.time * b.rate), return_indices=True)
+        count = round(rows_a.size / (BLOCK * a.rate))
+        if count and a.rate == b.rate:
+            signals = a.measured[rows_a], a.residual[rows_a], b.residual[rows_b]
+            y, e_a, e_b = ((x - x.mean()) ** 2 for x in signals)
+            difference = 100.0 * float(np.sum(e_b - e_a) / np.sum(y))
+            influence = (100.0 * (e_b - e_a) - difference * y) / y.mean()
+            blocks += [block.mean() for block in np.array_split(influence, count)]
+            differences.append(difference)
+            weights.append(count)
+    if len(blocks) < FEWEST:
+        return None
+    mean = float(np.average(differences, weights=weights))
+    # Differences of several trials scatter as well.
+    scatter = np.repeat(np.array(differences) - mean, weights) + np.array(blocks)
+    margin = special.stdtrit(len(blocks) - 1, 0.975) * np.sqrt(np.mean(scatter**2) / (len(blocks) - 1))
+    return VafDifference(mean, mean - float(margin), mean + float(margin))

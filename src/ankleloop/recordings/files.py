@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import save_estimate
+from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
-from ankleloop.recordings.analysis import Analysis, analyse, refused_analysis
+from ankleloop.joint.time_varying_course import make_course
+from ankleloop.methods.registry import find_method
+from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
+from ankleloop.recordings.analysis import Analysis, analyse, describe_failure, refused_analysis
 from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.recordings.variation import add_course
-from ankleloop.trials.files import atomic_file, source_files
+from ankleloop.trials.files import atomic_file
 from ankleloop.trials.readers import read_trial
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.trial import remove_drift, segment
@@ -27,7 +30,8 @@ from ankleloop.trials.trial import remove_drift, segment
 SUFFIXES = (".nc", ".mat", ".csv")
 GROUPS = ("subject", "condition", "trial")
 
-log = logging.getLogger(__name__)
+# Options that say what parameters are functions of.
+COURSE = ("cycle_onsets", "schedule")
 
 
 def load_recording(path: str | os.PathLike[str], mapping: Mapping[str, Any]) -> xr.Dataset:
@@ -37,6 +41,37 @@ def load_recording(path: str | os.PathLike[str], mapping: Mapping[str, Any]) -> 
     if start is not None or stop is not None:
         trial = segment(trial, start or 0.0, float(trial["time"][-1]) + 1.0 if stop is None else stop)
     return remove_drift(trial, mapping["drift"]) if mapping.get("drift") else trial
+
+
+def add_course(methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Give methods what the parameters of a recording are functions of."""
+    course = {name: mapping[name] for name in COURSE if mapping.get(name) is not None}
+    result: dict[str, Mapping[str, Any]] = {}
+    for label, method in methods.items():
+        options = method.get("options", {})
+        takes = course.keys() <= find_method(method["method"]).options.model_fields.keys()
+        free = all(options.get(name) is None for name in COURSE)
+        result[label] = {**method, "options": {**options, **course}} if course and takes and free else method
+    return result
+
+
+def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]:
+    """Check whether the onsets of cycles, or the scheduling variable, can be used with a recording."""
+    onsets, schedule = (mapping.get(name) for name in COURSE)
+    if onsets is None and schedule is None:
+        return []
+    name, options, prepared = "cycles" if schedule is None else "schedule", RivTvOptions.defaults(), prepare(trial)
+    try:
+        grid = prepared.grid(options["identification_rate"], options["delay"])
+        course = make_course(prepared, grid, onsets, schedule)
+    except DataError as error:
+        return [Finding(name, "warning", str(error))]
+    if schedule is not None:
+        low, high = course.limits
+        return [Finding(name, "ok", f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile).")]
+    durations = np.bincount(course.segment) * grid.factor / prepared.rate
+    ends = dict.fromkeys([f"{durations.min():.3g}", f"{durations.max():.3g}"])
+    return [Finding(name, "ok", f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified.")]
 
 
 def analyse_files(
@@ -54,11 +89,7 @@ def analyse_files(
 
 def refuse_recording(error: Exception) -> Analysis:
     """Analysis of a recording that cannot be used."""
-    log.warning("refused", exc_info=error)
-    reason = str(error)
-    if not isinstance(error, DataError):
-        reason = f"the analysis failed numerically ({type(error).__name__}: {error})."
-    return refused_analysis(Check([Finding("file", "refused", reason)], "undecided", {}))
+    return refused_analysis(Check([Finding("file", "refused", describe_failure(error))], "undecided", {}))
 
 
 def tabulate_analysis(
@@ -123,5 +154,5 @@ def export_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwri
         return
     columns = {"time_s": estimate.torque["time"].values}
     columns |= {f"torque_{name}_nm": estimate.torque[name].values for name in TORQUES}
-    with atomic_file(path, overwrite=overwrite, inputs=source_files(estimate.torque)) as partial:
+    with atomic_file(path, overwrite=overwrite) as partial:
         pd.DataFrame(columns).to_csv(partial, index=False)

@@ -1,25 +1,30 @@
-"""Which method to take for a recording: the conclusion of its analysis, in sentences."""
+"""The conclusion of the analysis of a recording, in sentences: which method to take, and whether the joint changes."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.analysis import Analysis
-from ankleloop.recordings.comparison import TorqueResidual, compare_unseen
+from ankleloop.recordings.analysis import Analysis, TorqueResidual, compare_unseen
 from ankleloop.recordings.validity import VALIDITY
-from ankleloop.recordings.variation import LEVEL
 
 NO_CONCLUSION = "Nothing can be concluded from this recording"
 PREFERENCE = list(VALIDITY)
 # Of `Analysis.table`; those that no method of a recording has are missing there.
 COLUMNS = ("label", "method", "vaf_unseen", "unseen_warnings", "caution", "variation_p", "incomplete")
 NOTHING = ("", np.nan)  # cells without a text
+LEVEL = 0.05  # of the test whether anything varies
+DIMENSIONS = {
+    "phase": ("with the phase of the cycle", "unseen cycles"),
+    "time": ("with time", "the unseen half"),
+    "schedule": ("with the scheduling variable", "the unseen half"),
+}
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,9 @@ def recommend(analysis: Analysis) -> Recommendation:
     else:
         row, reason = _choose_by_vaf(analysis.unseen, comparable)
     condition = "If the loop was open: " if check.loop == "undecided" and not check.reference else ""
-    texts = [f"{condition}take {row['label']}: {reason}", _describe_stiffness(row), *_reservations(row, valid)]
+    kind = "without an interval" if pd.isna(row.get("K_low")) else f"{row['intervals']} 95 % interval"
+    stiffness = f"K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}, {kind}"
+    texts = [f"{condition}take {row['label']}: {reason}", stiffness, *_reservations(row, valid)]
     if left_out := ", ".join(valid["label"].drop(comparable.index)):
         texts.append(f"Left out because of a warning, or without a score of the unseen half: {left_out}")
     return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
@@ -122,12 +129,6 @@ def _prefer(rows: pd.DataFrame) -> pd.Series:
     return rows.loc[min(rows.index, key=lambda k: (cautious[k], PREFERENCE.index(rows.loc[k, "method"])))]
 
 
-def _describe_stiffness(row: pd.Series) -> str:
-    """K with its unit, its interval and the kind of the interval."""
-    kind = "without an interval" if pd.isna(row.get("K_low")) else f"{row['intervals']} 95 % interval"
-    return f"K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}, {kind}"
-
-
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
     """What speaks against too much trust in a method: change of the joint, caution, an incomplete model."""
     texts, changing = [], list(_select_changing(valid)["label"])
@@ -154,3 +155,45 @@ def format_with_interval(row: pd.Series, name: str) -> str:
         return value if isinstance(value, str) else "–"
     interval = "" if pd.isna(low) else f" ({low:.4g} … {high:.4g})"
     return f"{value:.4g}{interval}"
+
+
+def describe_variations(analysis: Analysis) -> dict[str, str]:
+    """Whether the joint of a recording changes, in sentences, by the label of each method whose parameters may."""
+    rows = {row.get("label"): row for row in analysis.table.to_dict("records")}
+    texts = {}
+    for label, estimate in analysis.estimates.items():
+        if estimate.trajectories is not None:
+            words, data = DIMENSIONS[str(next(iter(estimate.trajectories.sizes)))]
+            test = _describe_test(estimate.diagnostics["variation_p"], words, rows[label]["incomplete"])
+            texts[label] = f"{test} {_compare_with_constant(analysis, rows, label, data)}"
+    return texts
+
+
+def _describe_test(probabilities: Mapping[str, float], words: str, incomplete: bool) -> str:
+    """The test whether a constant joint is refused, and whether the model is complete enough for it."""
+    p = {name: "less than 0.001" if p < 0.001 else f"{p:.2g}" for name, p in probabilities.items()}
+    changes = probabilities["all"] < LEVEL
+    text = f"K, B or G change {words}" if changes else f"No change of K, B or G {words} is shown"
+    text += f": a constant joint gives as large a variation with a probability of {p['all']} (level {100 * LEVEL:g} %)."
+    text += f" Each of them alone, while the others may change: {', '.join(f'{name} {p[name]}' for name in 'KBG')}."
+    if not changes:
+        text += " A change that is smaller than the bands may be there."
+    elif incomplete:
+        text += (
+            " But the model is not complete, or the record has a fault, and what a model leaves out may be taken for "
+            "a change. So the test decides nothing here."
+        )
+    return text
+
+
+def _compare_with_constant(analysis: Analysis, rows: Mapping[str, Mapping[str, Any]], label: str, data: str) -> str:
+    """VAF of unseen data beside that of a time-invariant fit."""
+    row, score = rows[label], rows[label]["vaf_unseen"]
+    if np.isnan(score):
+        return f"There is no VAF of {data}: {row['unseen_warnings'].removeprefix('there is none: ')}"
+    text = f"Of the torque of {data} the trajectories explain {score:.1f} %"
+    for constant in (name for name in analysis.unseen if rows[name]["method"] == "riv"):
+        text += f", the time-invariant fit ({constant}) {rows[constant]['vaf_unseen']:.1f} %"
+        if gain := compare_unseen(analysis.unseen[label], analysis.unseen[constant]):
+            text += f": a difference of {gain.difference:.1f} points (95 %: {gain.low:.1f} … {gain.high:.1f})"
+    return f"{text}."

@@ -115,22 +115,20 @@ def usual_methods(*, reference: bool, changing: bool = False) -> dict[str, dict[
     reference its degree and the order of riv are selected on data that the fit has not used: there the VAF tells them
     apart. With a reference they are fixed, since a selection by instruments needs more than 20 s.
     """
+    riv: dict[str, Any]
     if reference:
-        suffix, weighting, instrumental, subspace = "", {"weighting": "noise"}, {}, INSTRUMENTS
+        suffix, riv, pr_moesp, pi_moesp = "", {"weighting": "noise"}, INSTRUMENTS, INSTRUMENTS
         spline, degrees, orders = {"basis": "spline", "degree": DEGREE}, {}, {}
     else:
-        suffix, weighting, instrumental, subspace = ", position as reference", {"weighting": "flat"}, POSITION, {}
+        suffix, riv, pr_moesp, pi_moesp = ", position as reference", {**POSITION, "weighting": "flat"}, POSITION, {}
         spline, degrees, orders = {"basis": "spline"}, {"degree": [6, DEGREE, 12]}, {"order": [2, 3]}
-    riv = {**instrumental, **weighting}
     rows: list[tuple[str, str, dict[str, Any], dict[str, Any]]] = [
         ("riv", f"Refined instrumental variables (spline){suffix}", {**riv, **spline}, {**degrees, **orders}),
-        ("pr-moesp", f"PR-MOESP{suffix}", {**instrumental, **subspace, "degree": DEGREE, "block_rows": 20}, {}),
-        ("pi-moesp", "PI-MOESP (spline)", {**subspace, "block_rows": 20, **spline}, degrees),
+        ("pr-moesp", f"PR-MOESP{suffix}", {**pr_moesp, "degree": DEGREE, "block_rows": 20}, {}),
+        ("pi-moesp", "PI-MOESP (spline)", {**pi_moesp, "block_rows": 20, **spline}, degrees),
         ("parallel-cascade", "Parallel cascade, to convergence", {}, {}),
     ]
     if changing:
         rows.append(("riv-tv", f"Joint that changes (riv-tv){suffix}", riv, {}))
-    return {
-        method: {"label": label, "method": method, "options": options, "select": select}
-        for method, label, options, select in rows
-    }
+    keys = ("method", "label", "options", "select")
+    return {row[0]: dict(zip(keys, row, strict=True)) for row in rows}

@@ -50,7 +50,7 @@ def project_on_reference(
 
     Shapes: references (N,), channels (N, channels).
     """
-    parts = _cut_records(references, channels, rate)
+    parts = _cut_records(references, channels, round(LEADS * rate), round(LAGS * rate), ROWS_PER_LAG)
     coefficients, rank = _fit_response(parts)
     rows = sum(len(signal) for _, signal in parts)
     return ReferenceProjection(
@@ -63,7 +63,8 @@ def unseen_share(references: Sequence[np.ndarray], signals: Sequence[np.ndarray]
 
     Shapes: references, signals (N,).
     """
-    parts = _cut_records(references, [signal[:, None] for signal in signals], rate, halves=2)
+    columns = [signal[:, None] for signal in signals]
+    parts = _cut_records(references, columns, round(LEADS * rate), round(LAGS * rate), 2 * ROWS_PER_LAG)
     pairs = [[np.split(x, [len(x) // 2]) for x in part] for part in parts]
     halves = [[(shifted[half], _centre(signal[half])) for shifted, signal in pairs] for half in (0, 1)]
     residual = 0.0
@@ -79,17 +80,9 @@ def predict_from_reference(
 
     Shapes: signals (N, m), references (N, q); returns (N, m).
     """
-    taps = leads + lags + 1
-    parts = _align(references, signals, leads, lags)
-    if sum(len(signal) for _, signal in parts) < taps * references[0].shape[1]:
-        samples = " + ".join(str(len(record)) for record in references)
-        raise DataError(
-            f"a record of {samples} samples is too short to predict its inputs from {taps} leads and lags "
-            "of the reference: record longer, or use input_matrices='least-squares'."
-        )
-    coefficients, _ = _fit_response(parts)
+    coefficients, _ = _fit_response(_cut_records(references, signals, leads, lags, references[0].shape[1]))
     padded = [np.pad(_centre(record), ((lags, leads), (0, 0))) for record in references]
-    return [_shift(record, taps) @ coefficients for record in padded]
+    return [_shift(record, leads + lags + 1) @ coefficients for record in padded]
 
 
 def _shift(reference: np.ndarray, taps: int) -> np.ndarray:
@@ -105,24 +98,18 @@ def _centre(x: np.ndarray) -> np.ndarray:
     return x - x.mean(axis=0)
 
 
-def _align(references: Sequence[np.ndarray], signals: Sequence[np.ndarray], leads: int, lags: int) -> Parts:
+def _cut_records(
+    references: Sequence[np.ndarray], signals: Sequence[np.ndarray], leads: int, lags: int, rows_per_tap: int
+) -> Parts:
     """Leads and lags of the references of each record that is longer than these, and the signals."""
     taps = leads + lags + 1
     pairs = [pair for pair in zip(references, signals, strict=True) if len(pair[0]) > taps]
-    return [(_shift(r, taps), _centre(signal[lags : len(r) - leads])) for r, signal in pairs]
-
-
-def _cut_records(
-    references: Sequence[np.ndarray], channels: Sequence[np.ndarray], rate: float, halves: int = 1
-) -> Parts:
-    """The parts of records, of which enough has to remain beside the response."""
-    leads, lags = round(LEADS * rate), round(LAGS * rate)
-    parts = _align(references, channels, leads, lags)
-    length, needed = sum(len(signal) for _, signal in parts), halves * ROWS_PER_LAG * (leads + lags + 1)
-    if length < needed:
+    parts = [(_shift(r, taps), _centre(signal[lags : len(r) - leads])) for r, signal in pairs]
+    rows, needed = sum(len(signal) for _, signal in parts), rows_per_tap * taps
+    if rows < needed:
         raise DataError(
-            f"{length / rate:.3g} s remain beside the response to {(leads + lags) / rate:.3g} s of the reference, and "
-            f"{needed / rate:.3g} s are needed: record longer."
+            f"{rows} samples remain beside {taps} leads and lags of the reference, and {needed} are needed: record "
+            "longer."
         )
     return parts
 
@@ -174,22 +161,17 @@ def fit_finite_response(
     size = int(2 ** np.ceil(np.log2(y.size + shifts.size)))
     spectrum, target = np.fft.rfft(x - x.mean(), size), np.fft.rfft(y - y.mean(), size)
     passband = np.fft.rfftfreq(size) <= PASSBAND
-    taps = _solve_correlations(spectrum, target, passband.astype(float), shifts, size)
-    circular = np.zeros(size)
-    circular[shifts] = taps
-    residual = target - np.fft.rfft(circular) * spectrum
-    noise = smooth(np.abs(residual) ** 2, RESOLUTION * size / rate)
-    weight = np.where(passband, 1.0 / np.maximum(noise, 1e-12 * noise[passband].max()), 0.0)
-    return _solve_correlations(spectrum, target, weight / weight.max(), shifts, size)
-
-
-def _solve_correlations(
-    spectrum: np.ndarray, target: np.ndarray, weight: np.ndarray, shifts: np.ndarray, size: int
-) -> np.ndarray:
-    """Solve the normal equations of weighted correlations, a Toeplitz system."""
-    autocorrelation = np.fft.irfft(weight * np.abs(spectrum) ** 2, size)[: shifts.size]
-    autocorrelation[0] *= 1.0 + RIDGE
-    return linalg.solve_toeplitz(autocorrelation, np.fft.irfft(weight * spectrum.conj() * target, size)[shifts])
+    noise, taps = np.ones(passband.size), np.zeros(size)
+    for _ in range(2):
+        weight = np.where(passband, 1.0 / np.maximum(noise, 1e-12 * noise[passband].max()), 0.0)
+        weight /= weight.max()
+        autocorrelation = np.fft.irfft(weight * np.abs(spectrum) ** 2, size)[: shifts.size]
+        autocorrelation[0] *= 1.0 + RIDGE
+        products = np.fft.irfft(weight * spectrum.conj() * target, size)[shifts]
+        taps[shifts] = linalg.solve_toeplitz(autocorrelation, products)
+        residual = target - np.fft.rfft(taps) * spectrum
+        noise = smooth(np.abs(residual) ** 2, RESOLUTION * size / rate)
+    return taps[shifts]
 
 
 def predict_decimated(y: np.ndarray, reference: np.ndarray, grid: tuple[int, int, int], rate: float) -> np.ndarray:
@@ -204,19 +186,3 @@ def predict_decimated(y: np.ndarray, reference: np.ndarray, grid: tuple[int, int
     return convolve(lowpass(reference, factor), recorded_taps)[factor * round(LEADS * rate / factor) :][
         : reference.size
     ]
-
-
-def explained_share(y: np.ndarray, x: np.ndarray, rate: float) -> float:
-    """Share of a signal's variance that another one predicts in the half of the record that was not fitted.
-
-    Shapes: y, x (N,).
-    """
-    halves = np.array_split(np.arange(y.size), 2)
-    residual = total = 0.0
-    for training, test in (halves, halves[::-1]):
-        taps = fit_finite_response(y[training], x[training], rate)
-        target, source, inner = y[test] - y[test].mean(), x[test] - x[test].mean(), slice(taps.size, -taps.size)
-        response = convolve(source, taps)[round(LEADS * rate) :][: target.size]
-        residual += np.sum((target - response)[inner] ** 2)
-        total += np.sum(target[inner] ** 2)
-    return float(1.0 - residual / total)

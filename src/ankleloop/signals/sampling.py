@@ -44,30 +44,23 @@ def compute_rate_of_parts(parts: Iterable[np.ndarray], size: int, *, source: str
     # Times in single precision are off by up to N·eps steps; half a step or more is a fault all the same.
     tolerance = min(0.01 + float(np.finfo(np.float32).eps) * size, 0.5)
     start, first, last, usual = 0, 0.0, np.empty(0), 0.0
-    missing, irregular, sample, fault = 0, 0, 0, ""
     for times in parts:
         with np.errstate(all="ignore"):  # of what is refused
             steps = np.diff(times, prepend=last)
             if not start:
-                first, usual = times[0], float(np.median(steps))
-            bad = np.flatnonzero(~(np.abs(steps - usual) <= tolerance * abs(usual)) | (steps <= 0))
-        lost = np.flatnonzero(~np.isfinite(times))
-        if lost.size and not missing:
-            sample = start + int(lost[0])
-        if bad.size and not irregular:
-            k = int(bad[0]) + times.size - steps.size
-            fault = f"sample {start + k} ({times[k]:g} s): it steps by {steps[bad[0]]:g} s"
-        missing, irregular = missing + lost.size, irregular + bad.size
+                first, usual = times[0], float(np.median(np.nan_to_num(steps)))
+            irregular = np.flatnonzero(~(np.abs(steps - usual) <= tolerance * abs(usual)) | (steps <= 0))
+        missing, offset = np.flatnonzero(~np.isfinite(times)), times.size - steps.size
+        if missing.size and missing[0] <= irregular[0] + offset:
+            raise DataError(f"{source}: {name} is not finite at sample {start + missing[0]}: repair it.")
+        if irregular.size:
+            sample = irregular[0] + offset
+            raise DataError(
+                f"{source}: {name} is irregular at sample {start + sample} ({times[sample]:g} s): it steps by "
+                f"{steps[irregular[0]]:g} s where {usual:g} s is usual: cut the trial there or resample it; if the "
+                "times are only rounded, write them with more digits."
+            )
         start, last = start + times.size, times[-1:].copy()
-    if missing:
-        raise DataError(
-            f"{source}: {name} is not finite at sample {sample} ({format_samples(missing)} in all): repair it."
-        )
-    if irregular:
-        raise DataError(
-            f"{source}: {name} is irregular at {fault} where {usual:g} s is usual ({format_samples(irregular)} in "
-            "all): cut the trial there or resample it; if the times are only rounded, write them with more digits."
-        )
     # Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001.
     return float(f"{1.0 / ((last[0] - first) / (size - 1)):.9g}")
 

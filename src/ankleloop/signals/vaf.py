@@ -58,13 +58,11 @@ def _variances(measured: ArrayLike, estimated: ArrayLike, width: int) -> tuple[f
     """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio."""
     signals = {"measured": as_real(measured, "measured signal"), "estimated": as_real(estimated, "estimated signal")}
     y, estimate = signals.values()
-    if y.ndim != 1 or y.shape != estimate.shape:
+    if y.ndim != 1 or y.shape != estimate.shape or y.size < 2:
         raise DataError(
-            f"VAF needs two 1-D signals of equal length, got measured of shape {y.shape} and estimated of "
-            f"shape {estimate.shape}: cut both to the same samples."
+            f"VAF needs two 1-D signals of equal length, 2 samples or more; got measured of shape {y.shape} and "
+            f"estimated of shape {estimate.shape}: cut both to the same samples."
         )
-    if y.size < 2:
-        raise DataError(f"VAF needs signals of at least 2 samples, got {y.size}.")
     for name, signal in signals.items():
         faults = np.flatnonzero(~np.isfinite(signal))
         if faults.size:

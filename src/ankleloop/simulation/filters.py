@@ -45,14 +45,9 @@ def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
     return np.poly(np.concatenate([poles, poles.conj()])).real
 
 
-def antialias_denominator(cutoff: float) -> np.ndarray:
-    """Denominator of the anti-aliasing filter with a -3 dB frequency [Hz], shape (5,)."""
-    return bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff)
-
-
 @lru_cache
 def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
-    A, B, C = companion(antialias_denominator(cutoff))
+    A, B, C = companion(bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff))
     F, before, now = step_matrices(A, B, 1.0 / rate)
     B, D = (F @ now + before, float(C[0] @ now[:, 0])) if hold == "foh" else (before + now, 0.0)
     return DiscreteFilter(np.ascontiguousarray(F), B[:, 0].copy(), C[0], D)

@@ -23,7 +23,7 @@ import numpy as np
 from ankleloop.errors import UnstableLoopError
 from ankleloop.kernels import kernel
 from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
-from ankleloop.simulation.filters import antialias_denominator
+from ankleloop.simulation.filters import ANTIALIAS_ORDER, bessel_denominator
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import Trajectories, parameter_ranges
 
@@ -113,7 +113,7 @@ def _continuous_model(settings: SimulationSettings, stiffness: float, viscosity:
 
 def _filter_outputs(model: _ContinuousModel, cutoff: float) -> _ContinuousModel:
     """The model with an anti-aliasing filter behind each output."""
-    Af, bf, _ = companion(antialias_denominator(cutoff))
+    Af, bf, _ = companion(bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff))
     outputs, order, n = len(model.C), len(Af), len(model.A)
     A = np.pad(model.A, (0, outputs * order))
     A[n:, :n], A[n:, n:] = np.kron(model.C, bf), np.kron(np.eye(outputs), Af)
@@ -125,15 +125,26 @@ def _filter_outputs(model: _ContinuousModel, cutoff: float) -> _ContinuousModel:
 
 @lru_cache(maxsize=4)
 def build_loop(settings: SimulationSettings) -> Loop:
-    """Discretise the loop over one recorded sample."""
+    """Discretise the loop over one recorded sample.
+
+    Where stiffness and viscosity vary, polynomials go through Chebyshev points of them; their degree rises until the
+    error away from these points is small.
+    """
     ranges = _varying_range(settings)
-    matrix = _discretise(settings, ranges[:, 0])
+    middle, half = ranges.T
+    matrix = _discretise(settings, middle)
     loop = Loop(matrix, ranges, np.empty((0, *matrix.shape)))
-    if ranges[:, 1].any():
-        for degree in range(2, HIGHEST_DEGREE + 1):
-            loop = _interpolate(loop, settings, degree)
-            if _interpolation_error(loop, settings) < ACCURACY:
-                break
+    for degree in range(2, HIGHEST_DEGREE + 1) if half.any() else ():
+        nodes = [np.cos(np.pi * np.arange(degree + 1) / degree) if size > 0 else np.zeros(1) for size in half]
+        points = list(product(*nodes))
+        powers = [(i, j) for i in range(nodes[0].size) for j in range(nodes[1].size)]
+        samples = np.array([_discretise(settings, middle + half * point) for point in points])
+        vandermonde = np.array([[x**i * y**j for i, j in powers] for x, y in points])
+        terms = np.tensordot(np.linalg.inv(vandermonde), samples, 1)
+        counted = [k for k, (i, j) in enumerate(powers) if 0 < i + j <= degree]
+        loop = Loop(matrix, ranges, terms[counted], tuple(powers[k] for k in counted))
+        if _interpolation_error(loop, settings) < ACCURACY:
+            break
     return loop
 
 
@@ -141,19 +152,6 @@ def _varying_range(settings: SimulationSettings) -> np.ndarray:
     """Middle and half of the ranges of stiffness and viscosity, shape (2, 2)."""
     low, high = parameter_ranges(settings)[:2].T
     return np.column_stack([0.5 * (low + high), 0.5 * (high - low)])
-
-
-def _interpolate(loop: Loop, settings: SimulationSettings, degree: int) -> Loop:
-    """The loop with the polynomials of a degree through Chebyshev points of stiffness and viscosity."""
-    middle, half = loop.ranges.T
-    nodes = [np.cos(np.pi * np.arange(degree + 1) / degree) if size > 0 else np.zeros(1) for size in half]
-    points = list(product(*nodes))
-    powers = [(i, j) for i in range(nodes[0].size) for j in range(nodes[1].size)]
-    samples = np.array([_discretise(settings, middle + half * point) for point in points])
-    vandermonde = np.array([[x**i * y**j for i, j in powers] for x, y in points])
-    terms = np.tensordot(np.linalg.inv(vandermonde), samples, 1)
-    counted = [k for k, (i, j) in enumerate(powers) if 0 < i + j <= degree]
-    return Loop(loop.matrix, loop.ranges, terms[counted], tuple(powers[k] for k in counted))
 
 
 def _interpolation_error(loop: Loop, settings: SimulationSettings) -> float:

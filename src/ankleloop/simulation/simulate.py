@@ -106,11 +106,18 @@ def _simulate(
     settings: SimulationSettings, seed: int | np.random.SeedSequence, own: np.ndarray | None = None
 ) -> xr.Dataset:
     rate, settling = settings.recording_rate, round(settings.settling * settings.recording_rate)
-    for_perturbation, for_voluntary, for_noise, for_course = _open_streams(seed)
+    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    # Keys of the streams are set here: `SeedSequence.spawn` counts its calls, so the same seed would give other bits.
+    keys = [(*root.spawn_key, k) for k in range(4)]
+    streams = [np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys]
+    for_perturbation, for_voluntary, for_noise, for_course = streams
     course = draw_course(settings, for_course)
     time = np.arange(-settling, round(settings.duration * rate)) / rate
     joint = trajectories(course, time + 0.5 / rate)
-    command = _draw_command(settings, for_perturbation, course, time) if own is None else own
+    command = draw_perturbation(settings, for_perturbation, time.size) if own is None else own
+    if own is None and settings.perturbation_locked:  # each cycle begins with the first samples
+        onset = course.onsets[np.searchsorted(course.onsets, time + 1e-9, side="right") - 1]
+        command = command[np.round((time - onset) * rate).astype(int)]
     voluntary = noise = np.zeros(time.size)
     response = run_loop(settings, joint, command, noise, voluntary)
     deviation = settings.torque_level or float(np.std((response[1] + response[2])[settling:]))
@@ -136,7 +143,7 @@ def _simulate(
         torque_noise=noise,
         **_describe_course(course, time[settling:]),
         # As text where the entropy is too long for an integer of a file.
-        seed=seed if isinstance(seed, int) and seed < 2**63 else str(_seed_sequence(seed)),
+        seed=seed if isinstance(seed, int) and seed < 2**63 else str(root),
         **{name: _as_attribute(value) for name, value in settings},
     )
 
@@ -171,21 +178,6 @@ def _check_seed(seed: Any) -> int | np.random.SeedSequence:
     )
 
 
-def _seed_sequence(seed: int | np.random.SeedSequence) -> np.random.SeedSequence:
-    return seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-
-
-def _open_streams(seed: int | np.random.SeedSequence) -> list[np.random.Generator]:
-    """Random generators of perturbation, voluntary torque, noise and course.
-
-    The keys of the child sequences are set here: `SeedSequence.spawn` counts its calls, so the same seed would give
-    other bits the next time.
-    """
-    root = _seed_sequence(seed)
-    children = [np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, k)) for k in range(4)]
-    return [np.random.default_rng(child) for child in children]
-
-
 def draw_perturbation(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
     """Draw a pseudorandom binary sequence, steps after random times, or short pulses of independent random sign [rad].
 
@@ -194,8 +186,12 @@ def draw_perturbation(settings: SimulationSettings, rng: np.random.Generator, sa
 
     Shapes: returns (samples,).
     """
-    if settings.perturbation == "dwells":
-        return settings.amplitude * _draw_dwells(settings, rng, samples)
+    if settings.perturbation == "dwells":  # ±½ in turn, each for a dwell time that is drawn by its weight
+        lengths = np.maximum(1, np.round(np.array(DWELLS) * settings.recording_rate).astype(int))
+        weights = np.array(settings.dwell_weights or np.ones(len(DWELLS)))
+        first = rng.choice([-0.5, 0.5])
+        dwells = rng.choice(lengths, size=-(-samples // lengths[0]), p=weights / weights.sum())
+        return settings.amplitude * np.repeat(np.resize([first, -first], dwells.size), dwells)[:samples]
     interval = round(settings.switching_interval * settings.recording_rate)
     count = -(-samples // interval)
     if settings.perturbation == "prbs":
@@ -204,27 +200,6 @@ def draw_perturbation(settings: SimulationSettings, rng: np.random.Generator, sa
         levels = rng.choice([-0.5, 0.0, 0.0, 0.5], size=count)
         length = round(settings.pulse_length * settings.recording_rate)
     return settings.amplitude * np.outer(levels, np.arange(interval) < length).ravel()[:samples]
-
-
-def _draw_dwells(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
-    """±½ in turn, each for a dwell time that is drawn by its weight; shape (samples,)."""
-    lengths = np.maximum(1, np.round(np.array(DWELLS) * settings.recording_rate).astype(int))
-    weights = np.array(settings.dwell_weights or np.ones(len(DWELLS)))
-    first = rng.choice([-0.5, 0.5])
-    dwells = rng.choice(lengths, size=-(-samples // lengths[0]), p=weights / weights.sum())
-    return np.repeat(np.resize([first, -first], dwells.size), dwells)[:samples]
-
-
-def _draw_command(
-    settings: SimulationSettings, rng: np.random.Generator, course: Course, time: np.ndarray
-) -> np.ndarray:
-    """Perturbation [rad], shape (samples,)."""
-    command = draw_perturbation(settings, rng, time.size)
-    if not settings.perturbation_locked:
-        return command
-    # Each cycle begins with the first samples.
-    onset = course.onsets[np.searchsorted(course.onsets, time + 1e-9, side="right") - 1]
-    return command[np.round((time - onset) * settings.recording_rate).astype(int)]
 
 
 def _draw_voluntary(

@@ -13,15 +13,7 @@ from operator import or_
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import (
-    Field,
-    GetPydanticSchema,
-    StringConstraints,
-    TypeAdapter,
-    WithJsonSchema,
-    create_model,
-    model_validator,
-)
+from pydantic import Field, StringConstraints, WithJsonSchema, create_model, model_validator
 
 from ankleloop.methods.registry import METHODS
 from ankleloop.methods.selection import check_selection
@@ -29,7 +21,6 @@ from ankleloop.options import Options, option, suggest_name
 from ankleloop.paper.trial_tables import SWEEP_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import check_cases
-from ankleloop.studies.points import SETTINGS, Design, PointTable, ValueRange
 from ankleloop.studies.recording_settings import MAX_NAME, RECORDING_NAME, Recording
 
 SCHEMA = Path("workflow/schemas/config.schema.json")
@@ -115,14 +106,8 @@ if TYPE_CHECKING:
 else:
     Methods = dict[Name, _union_of_methods()]
     SimulationNotebook = Literal[tuple(name for name in NOTEBOOKS if name != "recordings")]
-VARIED = sorted({*SETTINGS, *(name for method in METHODS.values() for name in method.options.model_fields)})
-NAMES = {"type": "string", "anyOf": [{"enum": VARIED}, {"pattern": r"^[A-Za-z0-9_-]+\.[a-z_]+$"}]}
-Varied = Annotated[str, WithJsonSchema(NAMES)]
-Values = Annotated[list[Any], Field(min_length=1)] | ValueRange
-List = Annotated[list[dict[Varied, Any]], Field(min_length=1)]
-FORMS = TypeAdapter(Design | PointTable | dict[Varied, Values] | List).core_schema
 # They are checked by `studies.points`, whose messages name the point.
-Points = Annotated[Any, GetPydanticSchema(get_pydantic_json_schema=lambda _, handler: handler(FORMS))]
+Points = Annotated[Any, WithJsonSchema({"type": ["object", "array"]})]
 
 
 class SweepSettings(Options):
@@ -137,9 +122,6 @@ class SweepSettings(Options):
     )
     axes: Names | None = option(
         None, "varied parameters: one gives lines, two give maps, more a matrix of effects; null for all in their order"
-    )
-    band: Literal["mean", "trials"] = option(
-        "mean", "bands of lines: the 95 % confidence interval of the mean, or 80 % of the trials (quantiles 10 to 90 %)"
     )
 
     @model_validator(mode="after")
@@ -203,9 +185,6 @@ class SimulationStudy(_StudySettings):
     against: Literal["measured"] | None = option(
         None, "what estimates are scored against; null for the true torques, measured as if these were unknown"
     )
-    failures: Literal["stop", "count"] = option(
-        "count", "a trial that cannot be simulated or identified is a row with the error as `failure`, or stops its job"
-    )
     precision: Literal["single", "double"] = option(
         "double", "floating-point precision of trials and estimated torques on disk; single takes half the space"
     )
@@ -214,9 +193,6 @@ class SimulationStudy(_StudySettings):
     )
     job_minutes: float = option(
         1.0, "length of a job that is aimed at, from the measured cost of its trials", unit="min", gt=0, le=1e4
-    )
-    points_per_chunk: int | None = option(
-        None, "points that share a job, of equal record length and rate, in place of job_minutes", ge=1
     )
     trials_per_chunk: int | None = option(None, "trials of one point that share a job, in place of job_minutes", ge=1)
     sweep: SweepSettings = option(description="what the notebook sweep shows", default_factory=SweepSettings)

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 import pyarrow as pa
-import xarray as xr
 
-from ankleloop.assessment.scores import parameter_row, score_rows
+from ankleloop.assessment.scores import evaluate, parameter_row
 from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.registry import identify
 from ankleloop.paper.trial_tables import ENDS, ESTIMATED, as_table, save_table
-from ankleloop.trials.trial_files import FailedTrial, load_rows
+from ankleloop.trials.trial_files import Trials, load_rows
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +26,6 @@ TYPES = {"number": pa.float64(), "count": pa.int64(), "flag": pa.bool_(), "text"
 
 PathLike = str | os.PathLike[str]
 Points = Mapping[str, Mapping[str, Any]]
-Trials = Iterator[tuple[str, int, xr.Dataset | FailedTrial]]  # condition and number of each
 
 
 def read_trials(path: PathLike, conditions: Points) -> Trials:
@@ -47,7 +45,6 @@ def identify_trials(
     settings: str = "",
     against: Literal["measured"] | None = None,
     precision: str = "double",
-    failures: Literal["stop", "count"] = "count",
 ) -> pa.Table:
     """Identify trials by every method, score the estimates, and write the rows of all trials to `files["scores"]`.
 
@@ -59,7 +56,7 @@ def identify_trials(
     varied = {name: TYPES[kind] for name, kind in kinds.items()}
     tables, waiting = [], []
     for condition, number, trial in trials:
-        prepared = trial if isinstance(trial, FailedTrial) else PreparedTrial(trial, validated=True)
+        prepared = trial if isinstance(trial, str) else PreparedTrial(trial, validated=True)
         results: dict[tuple[str, str], tuple[Estimate | None, dict[str, Any]]] = {}  # by method and its options
         for point, part in conditions[condition]["points"].items():
             for name, method in methods.items():
@@ -67,7 +64,7 @@ def identify_trials(
                 key = (name, repr(options))
                 if key not in results:
                     with locate_errors(f"study {study}, point {point}, trial {number}, method {name}"):
-                        results[key] = _identify(prepared, method["method"], options, failures, against)
+                        results[key] = _identify(prepared, method["method"], options, against)
                 estimate, row = results[key]
                 if "failure" in row:
                     log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
@@ -89,18 +86,16 @@ def identify_trials(
 
 
 def _identify(
-    trial: PreparedTrial | FailedTrial, method: str, options: Mapping[str, Any], failures: str, against: Any
+    trial: PreparedTrial | str, method: str, options: Mapping[str, Any], against: Any
 ) -> tuple[Estimate | None, dict[str, Any]]:
     """Estimate of a trial with its scores and parameters as a row, or without it the reason of the failure."""
-    if isinstance(trial, FailedTrial):
-        return None, {"failure": f"the trial could not be simulated: {trial.reason}"}
+    if isinstance(trial, str):
+        return None, {"failure": f"the trial could not be simulated: {trial}"}
     try:
         estimate = identify(trial, method, **options)
-        scores = score_rows(trial, estimate, against=against, intervals=True)
+        scores = evaluate(trial, estimate, against=against, intervals=True).to_numpy().tolist()
         parameters = parameter_row(trial, estimate)
     except NUMERICAL_ERRORS as error:
-        if failures == "stop":
-            raise
         return None, {"failure": describe_error(error)}
     names = [f"vaf_{torque}_{target}{end}" for torque, target, *_ in scores for end in ("", *ENDS)]
     return estimate, dict(zip(names, (value for _, _, *row in scores for value in row), strict=True)) | parameters

@@ -9,7 +9,6 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
-from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
@@ -101,7 +100,7 @@ class Design(Options):
 class PointTable(Options):
     """A table of points."""
 
-    table: str = option(description="CSV or Parquet file with a row for each point and a column for each parameter")
+    table: str = option(description="CSV file with a row for each point and a column for each parameter")
 
 
 class Parameter(NamedTuple):
@@ -178,7 +177,9 @@ def _list_combinations(
     """What varies, and its values at each point, from any form of the key `points`."""
     if isinstance(entry, Mapping) and "table" in entry:
         table = check(PointTable, entry, "config", *place).table
-        rows = _read_table(expand_path(table, f"study {place[1]}: the table of its points"))
+        rows = list(read_rows(expand_path(table, f"study {place[1]}: the table of its points")))
+        if not rows:
+            raise key_error(place, f"the table {table} has no rows.")
         parameters = find_parameters(place, rows[0][1], methods)
         return parameters, [
             (row, {name: _cast(parameters[name], cells[name]) for name in cells}) for row, cells in rows
@@ -200,27 +201,8 @@ def _list_combinations(
     return find_parameters(place, names, methods), [("", point) for point in entry]
 
 
-def _read_table(path: Path) -> list[Combination]:
-    """Place and cells of each row of a table of points: text of CSV, values of Parquet."""
-    if path.suffix != ".parquet":
-        rows: list[Combination] = list(read_rows(path))
-    else:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        try:
-            rows = [(f"{path}, row {number}", row) for number, row in enumerate(pq.read_table(path).to_pylist(), 1)]
-        except (OSError, pa.ArrowException) as error:
-            raise ConfigError(f"{path}: the file cannot be read as Parquet ({error}).") from None
-    if not rows:
-        raise ConfigError(f"the table {path} has no rows.")
-    return rows
-
-
-def _cast(parameter: Parameter, value: Any) -> Any:
+def _cast(parameter: Parameter, value: str) -> Any:
     """A cell as the type of its column; text that is none stays text, which the model refuses."""
-    if not isinstance(value, str):
-        return None if value != value else value
     if parameter.kind == "text":
         return None if value == "null" else value
     return WORDS.get(value.lower(), cast_number(value))

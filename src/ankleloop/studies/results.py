@@ -19,8 +19,6 @@ from typing import Any
 import pandas as pd
 
 import ankleloop
-from ankleloop.pages.index import Figure, Results
-from ankleloop.paper.ledger import VERDICTS
 from ankleloop.studies.resources import hash_file
 from ankleloop.trials.files import atomic_file
 
@@ -122,27 +120,25 @@ def write_crate(
 
 def collect_results(
     folder: Path, studies: Studies, times: pd.DataFrame, provenance: Provenance, ledger: pd.DataFrame | None = None
-) -> Results:
-    """Collect what a run has made."""
+) -> dict[str, Any]:
+    """Collect what a run has made, as far as it exists: links, tables as text, figures and provenance."""
 
     def find(path: str) -> str:
         """A path below the folder; empty where there is no such file."""
         return path if (folder / path).exists() else ""
 
     left_out = OF_ARTICLE if ledger is None else set()
-    verdicts = {} if ledger is None else ledger["verdict"].value_counts().reindex(list(VERDICTS), fill_value=0)
     recordings = _tabulate_recordings(studies)
-    return Results(
-        links={text: path for text, path in LINKS.items() if path not in left_out and find(path)},
-        verdicts={str(verdict): int(count) for verdict, count in verdicts.items()},
-        studies=_tabulate_studies(studies, times),
-        study_links=[find(f"reports/{name}.html") for name in studies],
-        figures=_collect_figures(folder, studies),
-        recordings=recordings,
-        recording_links=[find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()],
-        run_times=_tabulate_run_times(times),
-        provenance=_describe_provenance(provenance, times),
-    )
+    return {
+        "links": {text: path for text, path in LINKS.items() if path not in left_out and find(path)},
+        "studies": _tabulate_studies(studies, times),
+        "study_links": [find(f"reports/{name}.html") for name in studies],
+        "figures": _collect_figures(folder, studies),
+        "recordings": recordings,
+        "recording_links": [find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()],
+        "run_times": _tabulate_run_times(times),
+        "provenance": _describe_provenance(provenance, times),
+    }
 
 
 def read_tables(paths: Iterable[Path]) -> dict[str, pd.DataFrame]:
@@ -175,19 +171,19 @@ def _tabulate_studies(studies: Studies, times: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, dtype=object)[list(COLUMNS)].map(_format_cell).rename(columns=COLUMNS)
 
 
-def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[Figure]]:
+def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[dict[str, Any]]]:
     """Figures by headings, with the captions that their notebooks give them."""
     captions = [("Diagrams", DIAGRAM_CAPTIONS)]
     for name, study in studies.items():
         path = folder / "rendered" / name / "captions.json"
         if path.exists():
             captions.append((study["title"], json.loads(path.read_text(encoding="utf-8"))))
-    figures: dict[str, list[Figure]] = {}
+    figures: dict[str, list[dict[str, Any]]] = {}
     for heading, name, caption in ((heading, *item) for heading, texts in captions for item in texts.items()):
         paths = {kind: f"figures/{name}.{kind.lower()}" for kind in ("PNG", "PDF", "SVG", "CSV")}
         files = {kind: path for kind, path in paths.items() if (folder / path).exists()}
         if "PNG" in files:
-            figures.setdefault(heading, []).append(Figure(name, files["PNG"], files, caption))
+            figures.setdefault(heading, []).append({"name": name, "files": files, "caption": caption})
     return figures
 
 
@@ -205,12 +201,10 @@ def _tabulate_recordings(studies: Studies) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _tabulate_run_times(times: pd.DataFrame) -> dict[str, pd.DataFrame]:
+def _tabulate_run_times(times: pd.DataFrame) -> pd.DataFrame:
     """Sums over the jobs of each rule, as text; those of studies stand in their table."""
-    if times.empty:
-        return {}
     sums = times.groupby("rule").agg(**SUMS).sort_values("sum [s]", ascending=False, kind="stable")
-    return {"By rule": sums.reset_index().map(_format_cell)}
+    return sums.reset_index().map(_format_cell)
 
 
 def _describe_provenance(provenance: Provenance, times: pd.DataFrame) -> list[tuple[str, str]]:

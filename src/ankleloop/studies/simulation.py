@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import logging
 import zlib
-from collections.abc import Iterator, Mapping
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any
 
 import xarray as xr
 from numpy.random import SeedSequence
 
 from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
 from ankleloop.simulation.simulate import simulate
-from ankleloop.trials.trial_files import FailedTrial
+from ankleloop.trials.trial_files import Trials
 
 log = logging.getLogger(__name__)
-
-Trials = Iterator[tuple[str, int, xr.Dataset | FailedTrial]]  # condition and number of each
 
 
 def trial_entropy(seed: int, study: str, point: str, number: int) -> list[int]:
@@ -29,7 +27,6 @@ def simulate_trials(
     seed: int,
     conditions: Mapping[str, Mapping[str, Any]],
     *,
-    failures: Literal["stop", "count"] = "count",
     precision: str = "double",
 ) -> Trials:
     """Simulate trials one after the other, with the samples that they would have in a trial file.
@@ -40,16 +37,14 @@ def simulate_trials(
         (name, part, number) for name, part in conditions.items() for number in range(part["first"], part["stop"])
     )
     for condition, part, number in numbers:
-        trial: xr.Dataset | FailedTrial
+        trial: xr.Dataset | str
         with locate_errors(f"study {study}, point {condition}, trial {number}"):
             try:
                 trial = simulate(seed=SeedSequence(trial_entropy(seed, study, condition, number)), **part["settings"])
                 if precision != "double":
                     trial = trial.astype(precision).astype(float)
             except NUMERICAL_ERRORS as error:
-                if failures == "stop":
-                    raise
-                trial = FailedTrial(condition, number, describe_error(error))
-                log.warning("%s: trial %d failed: %s", condition, number, trial.reason)
+                trial = describe_error(error)
+                log.warning("%s: trial %d failed: %s", condition, number, trial)
         yield condition, number, trial
         log.info("%s: simulated trial %d", condition, number)

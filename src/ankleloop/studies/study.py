@@ -97,7 +97,7 @@ class SimulatedStudy(Study):
             condition: {"settings": self.conditions[condition], "first": first, "stop": stop}
             for condition, first, stop in parts
         }
-        return {"seed": self.settings.seed, "conditions": conditions, "failures": self.settings.failures}
+        return {"seed": self.settings.seed, "conditions": conditions}
 
     def identification(self, chunk: int) -> dict[str, Any]:
         """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
@@ -112,7 +112,7 @@ class SimulatedStudy(Study):
             "conditions": conditions,
             "methods": self.identified_methods,
             "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
-            **self.settings.model_dump(include={"against", "precision", "failures"}),
+            **self.settings.model_dump(include={"against", "precision"}),
         }
 
     @cached_property
@@ -169,8 +169,6 @@ class SimulatedStudy(Study):
         settings = self.settings
         if settings.trials_per_chunk:
             return settings.trials_per_chunk, 1
-        if settings.points_per_chunk:
-            return settings.trials, settings.points_per_chunk
         count = 2 ** round(math.log2(max(self._job_seconds / seconds, 1.0)))  # nearest power of two
         if count < settings.trials:
             return count, 1

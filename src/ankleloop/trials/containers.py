@@ -152,9 +152,6 @@ def select_channels(
     if time is not None and time.name not in {variable.name for variable in selected.values()}:
         selected[TIME] = time
     selected = {role: variable for role, variable in selected.items() if roles is None or role in roles}
-    for variable in selected.values():
-        if part is None:
-            check_size(math.prod(variable.shape), f"{source}: {variable.name}")
     for role, variable in selected.items():
         values = _read_numbers(contents, variable, slice(*part) if part else slice(None))
         shape = values.shape if part is None else variable.shape  # of a struct of MATLAB it is not known before

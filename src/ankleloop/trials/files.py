@@ -15,7 +15,7 @@ import os
 import platform
 import stat
 import uuid
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,7 +41,7 @@ class UnreadableError(Exception):
     """What is wrong with the contents of a file, for a message that names it."""
 
 
-def check_output(path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()) -> Path:
+def check_output(path: PathLike, *, overwrite: bool = False, source: PathLike | None = None) -> Path:
     """Check that a file can be written and that nothing is lost by it; long computations do so before they begin."""
     path = Path(path)
     try:
@@ -49,9 +49,8 @@ def check_output(path: PathLike, *, overwrite: bool = False, inputs: Iterable[Pa
             raise DataError(f"{path}: there is no folder {path.parent}: make it first.")
         if not os.access(path.parent, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        for source in inputs:
-            if path.exists() and os.path.exists(source) and path.samefile(source):
-                raise DataError(f"{path}: the file is being read ({source}): write to another name.")
+        if source is not None and path.exists() and path.samefile(source):
+            raise DataError(f"{path}: the file is being read ({source}): write to another name.")
         if path.exists() and not path.is_file():
             raise DataError(f"{path}: this is a folder or a device, no file: write to a file.")
         if not overwrite and holds_content(path):
@@ -91,20 +90,19 @@ def _partial_path(path: Path) -> Path:
 
 
 @contextmanager
-def atomic_file(path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()) -> Iterator[Path]:
+def atomic_file(path: PathLike, *, overwrite: bool = False) -> Iterator[Path]:
     """Provide a temporary path, and move the file to its name if the block ends without an error.
 
     Of two writers of the same file both write a whole one: the later one replaces the file of the earlier one, or is
     refused without `overwrite`. If a process is killed, its partial file stays until the file is written again.
     """
-    inputs = [*inputs]
-    path = check_output(path, overwrite=overwrite, inputs=inputs)
+    path = check_output(path, overwrite=overwrite)
     partial = _partial_path(path)
     try:
         yield partial
         with open(partial, "rb+") as file:  # a power cut must not leave the name without the content
             os.fsync(file.fileno())
-        check_output(path, overwrite=overwrite, inputs=inputs)  # others may have written it meanwhile
+        check_output(path, overwrite=overwrite)  # others may have written it meanwhile
         os.replace(partial, path)
     except OSError as cause:
         if cause.filename is not None and Path(os.fsdecode(cause.filename)) != partial:  # of another file
@@ -149,21 +147,19 @@ class _Sink(io.FileIO):
 
 
 @contextmanager
-def _netcdf_sink(path: PathLike, overwrite: bool, inputs: Iterable[PathLike]) -> Iterator[_Sink]:
-    with atomic_file(path, overwrite=overwrite, inputs=inputs) as partial:
+def _netcdf_sink(path: PathLike, overwrite: bool) -> Iterator[_Sink]:
+    with atomic_file(path, overwrite=overwrite) as partial:
         with _Sink(partial, "xb+") as sink:
             yield sink
         append_checksum(partial)
 
 
 @contextmanager
-def atomic_netcdf(
-    path: PathLike, *, overwrite: bool = False, inputs: Iterable[PathLike] = ()
-) -> Iterator[h5netcdf.File]:
+def atomic_netcdf(path: PathLike, *, overwrite: bool = False) -> Iterator[h5netcdf.File]:
     """Open a NetCDF-4 file to be filled piece by piece, which appears when it is complete, with its checksum."""
     import h5netcdf  # here, with h5py: few jobs write such files
 
-    with _netcdf_sink(path, overwrite, inputs) as sink, h5netcdf.File(sink, "w") as file:
+    with _netcdf_sink(path, overwrite) as sink, h5netcdf.File(sink, "w") as file:
         yield file
 
 
@@ -174,15 +170,8 @@ def write_netcdf(groups: Mapping[str, xr.Dataset], path: PathLike, *, overwrite:
     # Encodings that are left from another file (packing, fill values) would change the samples.
     tree = xr.DataTree.from_dict({f"/{name}": data.drop_encoding() for name, data in groups.items()})
     encoding = {node.path: {name: {"_FillValue": None} for name in node.variables} for node in tree.subtree}
-    with _netcdf_sink(path, overwrite, source_files(*groups.values())) as sink:
+    with _netcdf_sink(path, overwrite) as sink:
         tree.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
-
-
-def source_files(*data: xr.Dataset) -> set[str]:
-    """Files from which data sets have been opened."""
-    encodings = [part.encoding for part in data]
-    encodings += [variable.encoding for part in data for variable in part.variables.values()]
-    return {encoding["source"] for encoding in encodings if isinstance(encoding.get("source"), str)}
 
 
 def check_readable(path: PathLike) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.files import atomic_file, source_files, write_netcdf
+from ankleloop.trials.files import UnreadableError, atomic_file, write_netcdf
 from ankleloop.trials.reading_process import readable_file
 
 SUFFIXES = (".nc", ".mat")
@@ -20,27 +20,19 @@ SUFFIXES = (".nc", ".mat")
 
 @dataclass(frozen=True)
 class Fields:
-    """Variables and attributes of a group by name, as they come from a file."""
+    """Variables and attributes of a group by name, as they come from a file.
+
+    They are read within `reading_process.name_errors`: a missing name or another shape makes a file unreadable.
+    """
 
     source: str  # the file and the group, for messages
     values: Mapping[str, Any]  # arrays, numbers and texts
 
-    def value(self, name: str) -> Any:
-        """Value of a name."""
-        if name not in self.values:
-            raise DataError(f"{self.source}: there is no {name!r}: the file is damaged, or of another origin.")
-        return self.values[name]
-
     def array(self, name: str, *shape: int, finite: bool = True) -> np.ndarray:
         """Numbers of a shape, in the order of C; without a shape a vector."""
-        value = self.value(name)
-        try:
-            numbers = np.array(value, dtype=float, order="C").reshape(shape or -1)
-        except (TypeError, ValueError) as cause:
-            kind = " × ".join(map(str, shape)) + " numbers" if shape else "numbers"
-            raise DataError(f"{self.source}: {name!r} is no array of {kind}: the file is damaged.") from cause
+        numbers = np.array(self.values[name], dtype=float, order="C").reshape(shape or -1)
         if finite and not np.isfinite(numbers).all():
-            raise DataError(f"{self.source}: {name!r} is not finite: the file is damaged.")
+            raise UnreadableError(f"{name!r} is not finite")
         return numbers
 
     def number(self, name: str) -> float:
@@ -49,7 +41,7 @@ class Fields:
 
     def text(self, name: str) -> str:
         """A text."""
-        return str(self.value(name))
+        return str(self.values[name])
 
 
 def write_groups(
@@ -109,7 +101,7 @@ def _write_mat(groups: Mapping[str, xr.Dataset], path: Path, variable: str, over
 
     structs = {group: _as_struct(data) for group, data in groups.items()}
     struct = structs.pop("", {}) | {group: fields or np.empty((0, 0)) for group, fields in structs.items()}
-    with atomic_file(path, overwrite=overwrite, inputs=source_files(*groups.values())) as partial:
+    with atomic_file(path, overwrite=overwrite) as partial:
         scipy.io.savemat(partial, {variable: struct}, False, do_compression=True, long_field_names=True)
 
 

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import Any, Literal, Self
 
 from pydantic import field_validator, model_validator
-from pydantic_core import PydanticCustomError
 
 from ankleloop.options import Options, option, show_value
 
@@ -64,8 +63,6 @@ class ReadingOptions(Options):
     @classmethod
     def _as_integer(cls, sign: Any) -> Any:
         """Signs from tables are often floating-point numbers."""
-        if isinstance(sign, bool):  # which equals 1, but is no sign
-            raise PydanticCustomError("literal_error", "must be 1 or -1", {"expected": "1 or -1"})
         return int(sign) if type(sign) is float and sign in (1, -1) else sign
 
     @model_validator(mode="after")

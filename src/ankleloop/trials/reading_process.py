@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import atexit
 import json
-import math
 import mmap
 import os
 import resource
@@ -43,12 +42,12 @@ BYTES, BYTES_PER_BYTE = 1 << 30, 4  # of memory for a file
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_process import main; main()"
 WHOLE = "check that the file is whole and its suffix right, or restore it from a copy"
-# How the process may end without an answer, and what that says, which is nothing about the file.
+# How the process may end without an answer, where that says nothing about the file.
 ENDS = {
-    "SIGKILL": "the process that reads it was killed (SIGKILL), most often because memory was short: free memory",
-    "SIGALRM": "it was not read in time: the computer is busy, or the disk slow",
+    1: f"the process that reads it did not start: {sys.executable} -P -c ... failed; use another Python",
+    -signal.SIGKILL: "the process that reads it was killed (SIGKILL), most often as memory was short: free memory",
+    -signal.SIGALRM: "it was not read in time: the computer is busy, or the disk slow",
 }
-NO_START = f"the process that reads it did not start: {sys.executable} -P -c ... failed; use another Python"
 
 PathLike = str | os.PathLike[str]
 
@@ -177,12 +176,11 @@ def _exchange(process: subprocess.Popen[bytes], pipe: Connection, request: list[
             channels[role] = Channel(variable, unit, tuple(shape), np.frombuffer(pipe.recv_bytes(), "<f8"))
     except (OSError, EOFError):
         code = process.wait()
-        end = signal.Signals(-code).name if code < 0 else ""
-        if code > 0 or end in ENDS:
-            raise ResourceError(f"{name}: {ENDS.get(end) or NO_START}; try again.") from None
-        if end == "SIGPROF":
-            raise UnreadableError(f"stopped after {request[3]:.0f} s, the limit for its size") from None
-        raise UnreadableError(f"it crashed the process that reads it{end and f', {end}'}") from None
+        if code in ENDS:
+            raise ResourceError(f"{name}: {ENDS[code]}; try again.") from None
+        is_late = code == -signal.SIGPROF
+        limit = f"stopped after {request[3]:.0f} s, the limit for its size"
+        raise UnreadableError(limit if is_late else f"it crashed the process that reads it, status {code}") from None
     if "refusal" in message:
         raise DataError(message["refusal"])
     if "reason" in message:
@@ -204,7 +202,7 @@ def main() -> None:
 
 
 def _answer(
-    pipe: Connection, task: str, name: str, case: int | None, seconds: float, memory: float, wanted: dict[str, Any]
+    pipe: Connection, task: str, name: str, case: int | None, seconds: float, memory: int, wanted: dict[str, Any]
 ) -> dict[str, Any]:
     """Send the channels that a task with a file gives; its end."""
     path = Path(name)
@@ -231,7 +229,7 @@ def _answer(
     except Exception as cause:  # the libraries raise almost anything on a damaged file
         return {"reason": _describe(cause)}
     finally:
-        _limit(0.0, math.inf)
+        _limit(0.0, memory)
 
 
 def choose_container(path: Path) -> type[Contents]:
@@ -250,15 +248,13 @@ def choose_container(path: Path) -> type[Contents]:
     return {".flb": FlbContents, ".mat": MatContents, ".nc": ClassicNetcdfContents}.get(suffix, Hdf5Contents)
 
 
-def _limit(seconds: float, memory: float) -> None:
-    """Limit the time [s], and the memory to what is in use and so many bytes; 0 s and infinity lift the limits.
+def _limit(seconds: float, memory: int) -> None:
+    """Limit the time [s], where 0 lifts the limit, and the memory to what is in use and so many bytes.
 
     The limit of the memory is one of the address space, in which mapped files count, too.
     """
     signal.setitimer(signal.ITIMER_PROF, seconds)  # of the processor; their signals end the process
     signal.setitimer(signal.ITIMER_REAL, PATIENCE * seconds)
-    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-    with suppress(OSError, ValueError):  # not on Linux
+    with suppress(OSError, ValueError):  # not on Linux, or above a limit of the system
         used = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
-        largest = math.inf if hard == resource.RLIM_INFINITY else hard
-        resource.setrlimit(resource.RLIMIT_AS, (hard if used + memory >= largest else int(used + memory), hard))
+        resource.setrlimit(resource.RLIMIT_AS, (used + memory, resource.getrlimit(resource.RLIMIT_AS)[1]))

@@ -221,8 +221,6 @@ def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
     Shapes: values (N,); returns (N,).
     """
     array = _as_masked_array(values)
-    if array.size == 0:
-        raise DataError(f"{source}: {name} is empty: record it, or choose another variable.")
     if array.dtype.kind not in "iuf":
         raise DataError(f"{source}: {name} is of type {array.dtype}, not real numbers: convert it, or choose another.")
     check_shape(array.shape, name, source=source)

@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,27 +22,18 @@ INDEX = ("point", "number", "trial_attributes", "failure")
 Path = str | os.PathLike[str]
 
 
-@dataclass(frozen=True)
-class FailedTrial:
-    """What stands in the place of a trial that could not be simulated."""
-
-    point: str  # point of the study to which the trial belongs
-    number: int  # number of the trial at its point
-    reason: str  # what is wrong with it
-
-
-Row = tuple[str, int, xr.Dataset | FailedTrial]  # point, number and trial
+Trials = Iterator[tuple[str, int, xr.Dataset | str]]  # point and number of each; a text says why there is no trial
 
 
 def save_trials(
-    trials: Iterable[xr.Dataset | FailedTrial],
+    trials: Iterable[xr.Dataset | str],
     path: Path,
     precision: str = "double",
     index: Sequence[tuple[str, int]] | None = None,
     *,
     overwrite: bool = False,
 ) -> None:
-    """Write trials of equal length and sampling rate to one NetCDF file, which appears when it is complete.
+    """Write trials of equal length, rate and variables to one NetCDF file, which appears when it is complete.
 
     Signals that are zero throughout (the noise of a noise-free simulation) take no space.
     """
@@ -53,22 +43,14 @@ def save_trials(
         trials = list(trials)
         index = [("only", number) for number in range(len(trials))]
     rows: list[tuple[str, int, str, str]] = []
-    first: xr.Dataset | None = None
     with atomic_netcdf(path, overwrite=overwrite) as file:
         file.dimensions = {"trial": len(index)}
         for row, (trial, (point, number)) in enumerate(zip(trials, index, strict=True)):
-            if isinstance(trial, FailedTrial):
-                rows.append((point, number, "{}", trial.reason))
+            if isinstance(trial, str):
+                rows.append((point, number, "{}", trial))
                 continue
-            if first is None:
-                first = trial
+            if "time" not in file.variables:
                 _create_variables(file, trial, precision)
-            same = trial.sizes == first.sizes and set(trial.data_vars) == set(first.data_vars)
-            if not same or trial.attrs["sampling_rate"] != first.attrs["sampling_rate"]:
-                raise DataError(
-                    f"trial {number} of {point} differs from the first trial in length, variables or sampling rate: "
-                    "save it in a file of its own."
-                )
             rows.append((point, number, json.dumps(trial.attrs), ""))
             for name in map(str, trial.data_vars):
                 values = trial.variables[name].values
@@ -92,10 +74,10 @@ def _create_variables(file: Any, trial: xr.Dataset, precision: str) -> None:
 
 def load_trials(path: Path) -> Iterator[xr.Dataset]:
     """Read the trials that `save_trials` wrote, one after the other; those that failed are left out."""
-    yield from (trial for _, _, trial in load_rows(path) if not isinstance(trial, FailedTrial))
+    yield from (trial for _, _, trial in load_rows(path) if not isinstance(trial, str))
 
 
-def load_rows(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -> Iterator[Row]:
+def load_rows(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -> Trials:
     """Read all trials of a file, or some: the first number at each point, and the one before which they end."""
     with _open(path) as (rows, read):
         if trials is not None:
@@ -114,8 +96,8 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
         with _open(path) as (rows, read):
             if (point, number) in rows:
                 trial = read(point, number)
-                if isinstance(trial, FailedTrial):
-                    raise DataError(f"trial {number} of the point {point!r} could not be simulated: {trial.reason}")
+                if isinstance(trial, str):
+                    raise DataError(f"trial {number} of the point {point!r} could not be simulated: {trial}")
                 return trial
     raise DataError(f"no trial file has trial {number} of the point {point!r}: check the name and the number.")
 
@@ -133,10 +115,10 @@ def _open(path: Path) -> Iterator[tuple[dict[tuple[str, int], int], Any]]:
         rows = {(str(point), number): row for row, (point, number) in enumerate(zip(points, numbers, strict=True))}
         signals = {name: (data, dict(data.attrs)) for name, data in file.variables.items() if data.ndim == 2}
 
-        def read(point: str, number: int) -> xr.Dataset | FailedTrial:
+        def read(point: str, number: int) -> xr.Dataset | str:
             row = rows[point, number]
             if reasons[row]:
-                return FailedTrial(point, number, reasons[row])
+                return str(reasons[row])
             samples = {name: ("time", data[row].astype(float), attrs) for name, (data, attrs) in signals.items()}
             time = ("time", file["time"][:], dict(file["time"].attrs))
             trial = xr.Dataset(samples, {"time": time}, json.loads(attributes[row]))

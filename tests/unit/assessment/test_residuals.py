@@ -51,7 +51,7 @@ def test_the_share_that_lags_explain_is_that_of_least_squares(movements):
     e = draw_residual(rng, 2000)
     band = Band(2000, 100.0, 0.05, 38.0)
     R, S = (_whiten(band, x) for x in (e, movements[0]))
-    shifted = [S * np.exp(-2j * np.pi * band.frequency * lag) for lag in _independent_lags(band, 0.5)]
+    shifted = [S * np.exp(-2j * np.pi * band.frequency * lag) for lag in _independent_lags(band)]
     X = np.column_stack([np.concatenate([x.real, x.imag]) for x in shifted])
     y = np.concatenate([R.real, R.imag])
     fit = X @ np.linalg.lstsq(X, y, rcond=None)[0]
@@ -88,14 +88,6 @@ def test_instruments_in_closed_loop():
     assert residual_test(biased, instrument, 100.0).related
 
 
-@pytest.mark.parametrize(
-    ("residual", "signal", "message"),
-    [
-        (np.zeros(3000), np.arange(3000.0), "the residual is constant: it has no spectrum"),
-        (np.arange(3000.0), np.ones(3000), "the signal is constant: it has no spectrum"),
-        (np.arange(300.0) % 7, np.arange(300.0), "3 s have 114 frequencies .* tests need 150: use a longer record"),
-    ],
-)
-def test_signals_without_a_spectrum_are_refused(residual, signal, message):
-    with pytest.raises(DataError, match=message):
-        residual_test(residual, signal, 100.0)
+def test_a_short_residual_is_refused():
+    with pytest.raises(DataError, match=r"3 s have 114 frequencies .* need 150: use a longer record"):
+        residual_test(np.arange(300.0) % 7, np.arange(300.0), 100.0)

@@ -107,17 +107,16 @@ def test_bounds_shrink_with_the_noise_and_grow_with_the_knots(variation):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({}, "variation must be 'cycle', 'time' or 'schedule', got None"),
-        ({"variation": "cycle", "reflex_threshold": 0.1}, "reflex_threshold must be 0, got 0.1"),
-        ({"variation": "cycle", "snr_db": None, "voluntary": 0.0}, "without a disturbance the bound is 0"),
+        ({}, "derived for a joint that varies"),
+        ({"variation": "cycle", "reflex_threshold": 0.1}, "set .* reflex_threshold=0"),
+        ({"variation": "cycle", "snr_db": None, "voluntary": 0.0}, "and snr_db or voluntary"),
         ({"variation": "cycle", "knots": (2, 8, 12)}, "trajectory_bound: knots of cubic splines must be at least 4"),
         ({"variation": "cycle", "known_delay": 1}, "known_delay must be"),
     ],
 )
 def test_settings_without_a_bound(settings, message):
-    with pytest.raises(ValueError, match=message) as caught:
+    with pytest.raises(ValueError, match=message):
         trajectory_bound(seed=1, **settings)
-    assert not isinstance(caught.value, DataError)
 
 
 def test_too_many_knots_are_refused():

@@ -106,7 +106,6 @@ def test_a_servo_that_does_not_follow_is_not_feedback(gain):
         for seed in range(12)
     ]
     assert "closed" not in {test.loop for test in tests}
-    assert min(test.residual_share for test in tests) > 0.005
     if gain == 13.0:
         assert [test.loop for test in tests].count("open") >= 10
 

@@ -97,7 +97,7 @@ def test_wrong_options(run, tmp_path, arguments, words):
 
 @pytest.mark.parametrize("kind", FILE_FORMATS)
 def test_variables_of_every_format(tmp_path, trial, kind):
-    path = tmp_path / f"a{FILE_FORMATS[kind][0]}"
+    path = tmp_path / f"a{FILE_FORMATS[kind]}"
     write_recording(trial, path, kind)
     variables = {variable.name: variable for variable in list_variables(path)}
     recording = map_file(path)

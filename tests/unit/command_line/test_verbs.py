@@ -283,12 +283,12 @@ def test_study_of_recordings(run, trial, recording, tmp_path):
 
 def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
     (tmp_path / "$x").mkdir()
-    write_recording(trial, tmp_path / "$x" / "a.nc", "netcdf")
+    write_recording(trial, tmp_path / "$x" / "a.h5", "hdf5")
     write_recording(trial.drop_vars("reference"), tmp_path / "a.mat", "matlab-5")
     new = tmp_path / "new.yaml"
-    assert run("study", new, tmp_path / "$x" / "a.nc", tmp_path / "a.mat").status == 0
+    assert run("study", new, tmp_path / "$x" / "a.h5", tmp_path / "a.mat").status == 0
     study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["new"]
-    assert study.points["a"]["paths"] == [str(tmp_path / "$x" / "a.nc")]
+    assert study.points["a"]["paths"] == [str(tmp_path / "$x" / "a.h5")]
     assert study.points["a-mat"]["paths"] == [str(tmp_path / "a.mat")]
     assert set(study.methods) == {*METHODS[:-1], *(f"{key}-no-reference" for key in METHODS[:3])}
 
@@ -365,7 +365,7 @@ def test_demo(run, tmp_path, monkeypatch):
     result = run("demo", "--output", folder, "--duration", "20")
     assert result.status == 0, result.err
     assert opened == [(folder / "results" / "demo-csv.html").as_uri()]
-    names = {"demo-csv.csv", "demo-matlab-5.mat", "demo-matlab-7.3.mat", "demo-hdf5.h5", "demo-netcdf.nc", "results"}
+    names = {"demo-csv.csv", "demo-matlab-5.mat", "demo-hdf5.h5", "results"}
     assert {path.name for path in folder.iterdir()} == names
     assert "K [N·m/rad]: 151 (148 … 154), simulated 150\n" in result.out
     before = contents(folder)

@@ -92,7 +92,7 @@ def rewrite(path, change):
             lambda g: g | {"model": g["model"].assign_attrs(kind="oracle")},
             r"unknown kind of model 'oracle'; known: state-space, ",
         ),
-        (lambda g: g | {"model": g["model"].assign(A=np.nan * g["model"]["A"])}, r"group model: 'A' is not finite"),
+        (lambda g: g | {"model": g["model"].assign(A=np.nan * g["model"]["A"])}, r"e.nc: not .*'A' is not finite"),
         (
             lambda g: g | {"diagnostics": g["diagnostics"].assign_attrs(json="{")},
             r"e.nc: not a readable estimate file .*: restore it from a copy",

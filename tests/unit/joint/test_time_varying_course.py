@@ -36,10 +36,10 @@ def test_onsets_from_a_phase_are_those_of_the_cycles(trial):
 @pytest.mark.parametrize(
     ("onsets", "message"),
     [
-        (change(ONSETS, 5, np.nan), "onset 6 of 43 .nan s. is not after onset 5"),
+        (change(ONSETS, 5, np.nan), "onset 6 of 43 .nan s. is not after the one before"),
         (np.sort(np.append(ONSETS, ONSETS[3])), "leave out those that are there twice"),
         (np.delete(ONSETS, 10), r"the cycle that begins at 12.9 s lasts 2.8 s, .* 1.4 s: is an onset missing there"),
-        (np.sort(np.append(ONSETS, ONSETS[3] + 0.05)), r"begins at 4.5 s lasts 0.05 s, .* is an onset too many there"),
+        (np.sort(np.append(ONSETS, ONSETS[3] + 0.05)), r"begins at 4.5 s lasts 0.05 s, .* or one too many"),
         (ONSETS + 100.0, "go from 100.3 to 159.1 s, the record from 0 to 59.99 s: give them in seconds"),
         (ONSETS[:1], "fewer than two onsets"),
         ("percent", "goes from 0 to 100, and the phase of a cycle goes from 0 to 1"),

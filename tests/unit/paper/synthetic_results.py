@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ankleloop.paper.evidence import StudyResults
+from ankleloop.paper.checks import StudyResults
 from ankleloop.paper.ledger import verify
 from ankleloop.simulation.settings import SimulationSettings
 

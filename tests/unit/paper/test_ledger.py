@@ -5,8 +5,7 @@ import pandas as pd
 import pytest
 from synthetic_results import CASCADES, CLAIMS, FINDINGS, MEASUREMENTS, PAPER, POINTS, TABLES, Studies, build_ledger
 
-from ankleloop.paper.checks import CLAIM_CHECKS
-from ankleloop.paper.evidence import parse_settings
+from ankleloop.paper.checks import CLAIM_CHECKS, parse_settings
 from ankleloop.paper.judgement import BY_CONSTRUCTION, CONTRADICTION, NOT_REPRODUCED, OPEN
 from ankleloop.paper.ledger import CONDITIONAL, VERDICTS
 

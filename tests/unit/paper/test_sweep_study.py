@@ -84,19 +84,6 @@ def test_error_with_the_smallest_root_mean_square_is_the_best(read):
     assert best["relative voluntary torque"] == "0.2"  # a bias of 2 %, against none with a spread of 33 %
 
 
-def test_point_whose_estimates_warn_is_never_the_best(read):
-    table = make_trials(grid(voluntary=[0.1, 0.2, 0.3]), trials=2)
-    table["vaf_net_true"] = 99.0 - 10.0 * table["voluntary"]
-    table["warnings"] = np.where((table["voluntary"] == 0.1) | (table["method"] == "riv"), "a pole", None)
-    sweep = read(table, ["voluntary"], quantities=["vaf_net_true"])
-    ranks = list_extremes(sweep, sweep.summarise()).set_index(["method", "rank"])["relative voluntary torque"]
-    assert ranks.to_dict() == {
-        ("Refined instrumental variables", "worst"): "0.3",
-        ("PR-MOESP", "best"): "0.2",
-        ("PR-MOESP", "worst"): "0.3",
-    }
-
-
 def run_notebook(**study):
     """Run the code of the notebook with a study in place of its own."""
     cells = [cell for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]

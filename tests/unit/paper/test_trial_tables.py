@@ -20,7 +20,7 @@ VARIED = ["reflex_gain", "voluntary", "block_rows", "snr_db", "closed_loop", "ri
 
 
 def read_study(**changes):
-    study = {"kind": "simulation", "notebook": None, "seed": 1, "trials": 2, "points_per_chunk": 1, "keep": "scores"}
+    study = {"kind": "simulation", "notebook": None, "seed": 1, "trials": 2, "trials_per_chunk": 2, "keep": "scores"}
     study |= {"simulation": {"duration": 15.0}, "points": POINTS}
     study |= {"methods": {name: {"method": name} for name in METHODS}, **changes}
     return read_studies({"studies": {"small": study}})[1]["small"]

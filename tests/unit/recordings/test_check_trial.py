@@ -101,7 +101,7 @@ def test_merged_trials_have_the_worst_finding_and_its_trial():
     check = check_trial(trials)
     assert check.loop == "open"
     assert list(check.methods) == ["pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "moesp"]
-    assert find(check, "length").text.startswith("3 trials of 10 s, 30 s in all at 1000 Hz, without gaps")
+    assert find(check, "length").text.startswith("3 trials of 10 s or more, 30 s at 1000 Hz, without gaps")
     assert find(check, "drift").text.startswith("all 3 trials pass; the first: ")
     assert find(check, "methods").text.startswith("of those that merge trials, ")
     trials[1] = trials[1].assign(torque=-trials[1]["torque"])

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import vaf
-from ankleloop.recordings.comparison import TorqueResidual, compare_unseen
+from ankleloop.recordings.analysis import TorqueResidual, compare_unseen
 
 
 def part(y, residual, start=0):

@@ -4,9 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop.recordings.analysis import Analysis
+from ankleloop.recordings.analysis import Analysis, TorqueResidual
 from ankleloop.recordings.checks import Check, Finding
-from ankleloop.recordings.comparison import TorqueResidual
 from ankleloop.recordings.recommendation import Recommendation, recommend
 
 FED_BACK = "the loop is closed, and torque that is fed back does not bias it"

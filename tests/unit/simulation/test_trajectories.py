@@ -146,18 +146,18 @@ def test_the_scheduling_variable_moves_the_joint():
     [
         (
             {"stiffness_variation": 0.3},
-            "stiffness_variation must be 0, got 0.3, where `variation` is not cycle, time or schedule",
+            "stiffness_table and stiffness_variation need `variation`: cycle, time or schedule",
         ),
-        ({"gain_table": [1.0, 2.0]}, "gain_table must be null, where `variation` is not cycle, time or schedule"),
+        ({"gain_table": [1.0, 2.0]}, "gain_table and gain_variation need `variation`"),
         ({"variation": "cycle", "gain_table": [1.0, -2.0]}, "gain_table must hold values of at least 0, got -2"),
         ({"variation": "cycle", "stiffness_drift": 0.1}, "stiffness_drift must be 0"),
         (
             {"variation": "cycle", "viscosity_table": [1.0]},
-            r"viscosity_table must be 2 to 1000 .*, got \[1.0\]",
+            r"viscosity_table must be 2 numbers .*, got \[1.0\]",
         ),
         (
             {"variation": "cycle", "viscosity_table": "1; 2"},
-            "viscosity_table must be 2 to 1000 .*, got '1; 2'",
+            "viscosity_table must be 2 numbers .*, got '1; 2'",
         ),
         ({"variation": "cycle", "viscosity_table": [1.0, float("nan")]}, "viscosity_table must be a finite number"),
     ],

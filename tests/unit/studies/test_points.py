@@ -109,8 +109,6 @@ def test_a_table_has_a_row_for_each_point(tmp_path):
         {"reflex_gain": 12.5, "snr_db": None, "closed_loop": False, "pr.basis": None, "block_rows": 18},
     ]
     assert [point.values for point in points] == expected
-    pd.DataFrame(expected).to_parquet(tmp_path / "sweep.parquet")
-    assert read({"table": str(tmp_path / "sweep.parquet")}) == points
 
 
 def test_the_message_about_a_table_names_row_and_column(tmp_path):

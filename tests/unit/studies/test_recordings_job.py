@@ -91,7 +91,7 @@ def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, m
     table, folder = run_job()
     by_name = table.groupby("recording")["verdict"].first()
     assert by_name["bad"] == "refused" != by_name["good"]
-    reason = f"the analysis failed numerically ({type(error).__name__}: {error})."
+    reason = f"it failed numerically ({type(error).__name__}: {error})."
     assert table.set_index("recording").loc["bad", "reasons"] == reason
     assert f"bad refused: {reason}" in capsys.readouterr().err
     assert {path.name for path in folder.iterdir()} == {"good", "good.html", "bad.html"}

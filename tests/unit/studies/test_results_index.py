@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from ankleloop.pages.index import render_index
-from ankleloop.paper.ledger import VERDICTS
 from ankleloop.studies.results import collect_results, read_run_times
 
 HOSTILE = "<b>&co"
@@ -54,21 +53,19 @@ def collect(folder, ledger=LEDGER):
 
 def test_what_is_there_is_listed(folder):
     results = collect(folder)
-    assert list(results.links.values()) == ["article.html", "ledger.html", "configuration.json"]
-    assert results.verdicts == dict.fromkeys(VERDICTS, 0) | {"reproduced": 1, "cannot be judged": 1}
-    assert [figure.name for figure in results.figures[STUDIES["table1"]["title"]]] == ["table1-order"]
-    recordings = results.recordings.set_index(["study", "recording"])
+    assert list(results["links"].values()) == ["article.html", "ledger.html", "configuration.json"]
+    assert [figure["name"] for figure in results["figures"][STUDIES["table1"]["title"]]] == ["table1-order"]
+    recordings = results["recordings"].set_index(["study", "recording"])
     assert recordings.loc[("laboratory", "A1"), "recommended method"] == HOSTILE
     assert recordings["verdict"].tolist() == ["usable", "refused", "refused"]
-    assert results.run_times == {}
+    assert results["run_times"].empty
     assert HOSTILE not in render_index(results)
     assert escape(HOSTILE) in render_index(results)
 
 
 def test_the_article_of_an_earlier_run_is_left_out(folder):
     results = collect(folder, ledger=None)
-    assert list(results.links.values()) == ["configuration.json"]
-    assert results.verdicts == {}
+    assert list(results["links"].values()) == ["configuration.json"]
     page = render_index(results)
     assert "Ledger" not in page
     assert "There are no benchmark files" in page

@@ -24,24 +24,15 @@ def table1(change):
 def test_trials_with_other_variables_are_in_another_file(table1):
     """A phase, a scheduling variable, or neither: the trials of a file have the same variables."""
     points = [{"variation": kind} for kind in (None, "cycle", "time", "schedule")] + [{"movement": 0.1}]
-    study = table1(points=points, points_per_chunk=10)
+    study = table1(points=points, job_minutes=1000.0)
     conditions = [[part.condition for part in chunk] for chunk in study.trial_chunks]
     assert conditions == [[point.condition] for point in study.point_list]
-    alike = table1(points={"variation": ["cycle"], "stiffness_variation": [0.0, 0.4]}, points_per_chunk=10)
+    alike = table1(points={"variation": ["cycle"], "stiffness_variation": [0.0, 0.4]}, job_minutes=1000.0)
     assert len(alike.trial_chunks) == 1
-
-
-GAINS = {"reflex_gain": [1.0, 2.0, 3.0, 4.0, 5.0]}
 
 
 def chunk_points(study):
     return [[part.condition.removeprefix("reflex_gain=") for part in chunk] for chunk in study.chunks]
-
-
-def test_a_chunk_is_some_points(table1):
-    study = table1(points=GAINS, points_per_chunk=2, trials=7)
-    assert chunk_points(study) == [["1.0", "2.0"], ["3.0", "4.0"], ["5.0"]]
-    assert all((part.first, part.stop) == (0, 7) for chunk in study.chunks for part in chunk)
 
 
 def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
@@ -56,10 +47,10 @@ def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
 def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
     points = [{"duration": duration, "recording_rate": rate} for duration in (10.0, 20.0) for rate in (1000.0, 500.0)]
     points = [*points, {"duration": 20.0, "recording_rate": 500.0, "zeta": 0.5}]
-    study = table1(points=points, points_per_chunk=10)
+    study = table1(points=points, job_minutes=1000.0)
     assert [len(chunk) for chunk in study.chunks] == [1, 1, 1, 2]
-    assert [len(chunk) for chunk in table1(points=points, points_per_chunk=10, keep="estimates").chunks] == [1, 1, 1, 2]
-    assert [len(chunk) for chunk in table1(points=points, points_per_chunk=10, keep="scores").chunks] == [5]
+    assert [len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="estimates").chunks] == [1, 1, 1, 2]
+    assert [len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="scores").chunks] == [5]
 
 
 # --- recordings

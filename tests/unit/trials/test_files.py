@@ -30,7 +30,6 @@ from ankleloop.trials.files import (
     atomic_file,
     atomic_netcdf,
     check_output,
-    source_files,
     write_csv,
     write_netcdf,
 )
@@ -145,29 +144,6 @@ def test_a_long_record_is_never_written_over(recording, alias, overwrite, swappe
     with pytest.raises(DataError, match=r"the file is being read \(.*\): write to another name"):
         identify_file(LongRecord(source), output, overwrite=overwrite)
     assert recording.read_bytes() == other.read_bytes() == before
-
-
-def test_what_a_data_set_reads_from_is_never_written_over(recording, trial):
-    before = recording.read_bytes()
-    with xr.open_dataset(recording, engine="h5netcdf", decode_times=False) as opened:
-        assert source_files(opened) == source_files(opened[["torque"]]) == {str(recording)}
-        with pytest.raises(DataError, match="the file is being read"):
-            save_trial(opened, recording, overwrite=True)
-        save_trial(opened, recording.with_name("copy.nc"))
-    assert recording.read_bytes() == before
-    assert load_trial(recording.with_name("copy.nc")).identical(trial)
-    save_trial(load_trial(recording), recording, overwrite=True)  # a loaded trial is in memory
-    assert load_trial(recording).identical(trial)
-
-
-@pytest.mark.parametrize("suffix", [".nc", ".mat", ".csv"])
-def test_the_torques_of_a_long_record_are_not_written_over_by_their_estimate(recording, tmp_path, suffix):
-    estimate = identify_file(LongRecord(recording), tmp_path / "torques.nc")
-    link = tmp_path / f"link{suffix}"
-    link.symlink_to("torques.nc")
-    with pytest.raises(DataError, match="the file is being read"):
-        export_estimate(estimate, link, overwrite=True)
-    estimate.torque.close()
 
 
 def test_torques_are_replaced_only_with_overwrite(recording, tmp_path):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from ankleloop import DataError
-from ankleloop.trials.group_files import Fields, read_groups, write_groups
+from ankleloop.trials.group_files import read_groups, write_groups
 
 NUMBERS = {
     "scalar": ((), 0.1 + 0.2),
@@ -43,22 +42,6 @@ def test_numbers_and_texts_come_back(path):
 
 def test_complex_numbers_have_a_form_in_both_containers(path):
     write_groups({"data": xr.Dataset({"poles": ("n", np.array([1 + 2j, 3 - 4j]))})}, path, "contents")
-    read = np.asarray(read_groups(path, "contents")["data"].value("poles"))
+    read = np.asarray(read_groups(path, "contents")["data"].values["poles"])
     pairs = read if path.suffix == ".nc" else np.column_stack([read.ravel().real, read.ravel().imag])
     np.testing.assert_array_equal(pairs, [[1.0, 2.0], [3.0, -4.0]])
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda fields: fields.number("none"), "f, group g: there is no 'none'"),
-        (lambda fields: fields.array("text"), "f, group g: 'text' is no array of numbers"),
-        (lambda fields: fields.array("vector", 2, 2), "f, group g: 'vector' is no array of 2 × 2 numbers"),
-        (lambda fields: fields.number("vector"), "f, group g: 'vector' is no array of 1 numbers"),
-        (lambda fields: fields.array("infinite"), "f, group g: 'infinite' is not finite"),
-    ],
-)
-def test_values_of_another_form_are_refused_by_name(call, message):
-    values = {"text": "abc", "vector": np.ones(3), "infinite": [np.inf]}
-    with pytest.raises(DataError, match=message):
-        call(Fields("f, group g", values))

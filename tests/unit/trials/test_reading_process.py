@@ -94,8 +94,8 @@ MEMORY = r"it needs more than 1.1 GB of memory; .*"
 FAILURES = {
     "while True: pass": r"stopped after \d+ s, the limit for its size",
     "x = bytearray(1 << 32)": MEMORY,
-    "os.write(int(sys.argv[2]), bytes([0, 0, 1, 0, 123])); os._exit(0)": "it crashed the process that reads it",
-    "os.kill(os.getpid(), 11)": "it crashed the process that reads it, SIGSEGV",
+    "os.write(int(sys.argv[2]), bytes([0, 0, 1, 0, 123])); os._exit(0)": "it crashed the process .* status 0",
+    "os.kill(os.getpid(), 11)": "it crashed the process that reads it, status -11",
     "raise RecursionError('too deep')": "RecursionError: too deep",
 }
 

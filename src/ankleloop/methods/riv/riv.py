@@ -158,15 +158,13 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
 def _warnings(solution: Search) -> list[str]:
     """What the search did not reach, and what the record does not show."""
     warnings, order = [], len(solution.point.parameters.dynamics.values)
-    left_band = solution.path[-1].pole_out_of_band
-    if left_band or "pole" in solution.held:
+    if solution.path[-1].pole_out_of_band or "pole" in solution.held:
         fewer = "take order=2" if order == 3 else "its gain or the record is too small for two"
         warnings.append(f"a pole of the reflex has left the band, so the record does not show {order}: {fewer}.")
     if not solution.converged:
-        names = dict.fromkeys("G" if name.startswith("c") else name for name in solution.flat)
-        cause = "" if left_band else f" The record hardly shows a common change of {', '.join(names)}."
         warnings.append(
-            f"not converged after {len(solution.path) - 1} iterations: the best one is given, without intervals.{cause}"
+            f"not converged after {len(solution.path) - 1} iterations: the best one is given, without intervals. "
+            "The record hardly shows some of the parameters."
         )
     return warnings
 

@@ -14,7 +14,6 @@ REFINED = 10  # iterations without second derivatives
 SOLVED = 10.0  # tolerances: largest left side of a solution, over its standard deviation
 DAMPING, MOST_DAMPING = 0.02, 1e6  # in units of the information of the instruments
 FLAT = 1e-9  # slope in a direction that the record does not show, in the same units
-CONTRIBUTION = 0.3  # of the largest part of a direction: parameters below it are not named
 
 
 def solve(equations: Equations, start: Parameters) -> Search:
@@ -44,7 +43,7 @@ def solve(equations: Equations, start: Parameters) -> Search:
         if search.point.pole_out_of_band:
             break
     if not search.finished:
-        search.choose_best()
+        search.point = min(search.path, key=lambda point: point.merit(search.free))
     return search
 
 
@@ -59,8 +58,6 @@ class Search:
         self.held: set[str] = set()  # names of the unknowns that are held at a limit
         self.damping = 0.0
         self.finished = False  # whether the last step was within the tolerance
-        # Where the search did not converge, the unknowns a common change of which the record shows least.
-        self.flat: list[str] = []
         self.accept(Point(equations, start))
 
     @property
@@ -75,13 +72,6 @@ class Search:
         self.free = np.flatnonzero([name not in self.held for name in point.names])
         self.path.append(point)
         self.merits.append(point.merit(self.free))
-
-    def choose_best(self) -> None:
-        """End a search that has not converged at the point with the smallest merit."""
-        directions, curvatures = self._directions()
-        parts = np.abs(directions[:, np.argmin(np.abs(curvatures))]) * np.sqrt(np.diag(self.point.information))
-        self.flat = np.array(self.point.names)[parts > CONTRIBUTION * parts.max()].tolist()
-        self.point = min(self.path, key=lambda point: point.merit(self.free))
 
     def refine(self) -> bool:
         """Solve the equations for the present weights and instruments; false if this does not lower their left side."""
