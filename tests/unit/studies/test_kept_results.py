@@ -29,3 +29,13 @@ def test_a_notebook_that_needs_what_is_not_kept_is_refused_before_the_first_job(
     with pytest.raises(ConfigError, match=f"studies → s → notebook: {notebook} needs {need}"):
         read(notebook=notebook, keep=keep)
     read(notebook=notebook, keep="everything")
+
+
+def test_notebooks_that_know_settings_alone_refuse_options_before_the_first_job():
+    points = {"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]}
+    match = (
+        "studies → s → notebook: table1 needs points that differ in settings of the simulation alone, got block_rows"
+    )
+    with pytest.raises(ConfigError, match=match):
+        read(notebook="table1", points=points)
+    read(notebook="sweep", points=points)

@@ -1,6 +1,7 @@
 """The page that lists all results holds what its run has made, and nothing else; every text is escaped."""
 
 import json
+import os
 from html import escape
 
 import pandas as pd
@@ -15,6 +16,7 @@ PROVENANCE["packages"] = {"numpy": "2.1", "scipy": "1.15"}
 KEYS = ("title", "kind", "points", "methods", "trials", "seed")
 STUDIES = {"table1": dict(zip(KEYS, (f"Table 1 {HOSTILE}", "simulation", 2, 5, 20, 7), strict=True))}
 RECORDED = dict(zip(KEYS, ("Recordings", "recordings", 2, 1, None, None), strict=True))
+JOBS = ["article", "identify/table1/0", "identify/table1/1", "identify/table1/2", "report/table1"]
 
 
 @pytest.fixture
@@ -45,10 +47,10 @@ def folder(tmp_path):
 LEDGER = pd.DataFrame({"id": ["a", "b"], "verdict": ["reproduced", "cannot be judged"]})
 
 
-def collect(folder, ledger=LEDGER):
+def collect(folder, ledger=LEDGER, jobs=()):
     tables = {name: folder / f"scores/{name}.parquet" for name in ("laboratory", "clinic")}
     studies = STUDIES | {name: RECORDED | {"recordings": [path]} for name, path in tables.items()}
-    return collect_results(folder, studies, read_run_times(folder.parent / "logs", ()), PROVENANCE, ledger)
+    return collect_results(folder, studies, read_run_times(folder.parent / "logs", jobs), PROVENANCE, ledger)
 
 
 def test_what_is_there_is_listed(folder):
@@ -69,3 +71,27 @@ def test_the_article_of_an_earlier_run_is_left_out(folder):
     page = render_index(results)
     assert "Ledger" not in page
     assert "There are no benchmark files" in page
+
+
+def test_times_of_the_jobs_of_the_run(folder):
+    """From benchmark files of Snakemake; time without a job, and a chunk of an earlier run, do not count."""
+    for name, row, end in (
+        ("identify/table1/0", (10.0, 300.0, 9.0), 1000.0),
+        ("identify/table1/1", (20.0, 400.0, 18.0), 1005.0),
+        ("identify/table1/7", (500.0, 400.0, 18.0), 5.0),
+        ("report/table1", (5.0, 200.0, 4.0), 2000.0),
+        ("article", (3.0, "-", "-"), 2003.0),  # too short for Snakemake to measure its memory
+    ):
+        path = folder.parent / "logs" / f"{name}.tsv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("s\tmax_rss\tcpu_time\n" + "\t".join(map(str, row)) + "\n", encoding="utf-8")
+        os.utime(path, (end, end))
+    times = read_run_times(folder.parent / "logs", JOBS)
+    jobs = [("article", ""), ("identify", "table1"), ("identify", "table1"), ("report", "table1")]
+    assert list(zip(times["rule"], times["study"], strict=True)) == jobs
+    results = collect(folder, jobs=JOBS)
+    rules = results["run_times"]
+    assert rules["rule"].tolist() == ["identify", "report", "article"]
+    assert rules.iloc[0].tolist() == ["identify", "2", "30", "20", "27", "400"]
+    assert results["studies"].set_index("study").loc["table1", "time of its jobs [min]"] == "0.58333"
+    assert dict(results["provenance"])["Jobs"] == "4, from 1970-01-01 00:16 to 1970-01-01 00:33 UTC"
