@@ -125,15 +125,14 @@ class _Chunks:
         self.chunk = chunk  # identified samples
         self.grid = decimation_grid(record.samples, record.rate, options.identification_rate, options.delay)
         self.edges = [*range(0, self.grid.samples, chunk), self.grid.samples]
-        self._after = recording_margins(record.rate, self.grid.factor, options.delay)[1]
-        self.sums = np.zeros(1)  # of inputs and torque over the last pass of the subspace method
 
     def _read(self, start: int, stop: int) -> PreparedTrial:
         """What the identified samples from `start` to `stop` are made of."""
         factor, first, _ = self.grid
+        after = recording_margins(self.record.rate, factor, self.options.delay)[1]
         channels = ["position", "torque", *filter(None, [self.reference])]
         return PreparedTrial(
-            self.record.read(factor * start, factor * (stop - 1) + first + self._after + 1, channels), validated=True
+            self.record.read(factor * start, factor * (stop - 1) + first + after + 1, channels), validated=True
         )
 
     def check(self) -> list[str]:
@@ -177,7 +176,7 @@ class _Chunks:
 
     def signals(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
         """Inputs, torque and reference of all chunks; the sums of inputs and torque are kept for their means."""
-        self.sums = np.zeros(1)
+        self.sums = np.zeros(1)  # of inputs and torque over this pass
         for start, stop in pairwise(self.edges):
             part = self.regressors(start, stop)
             torque = part.torque[:, None]

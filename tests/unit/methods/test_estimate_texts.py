@@ -36,8 +36,9 @@ def test_the_default_is_the_method_that_feedback_does_not_bias(noisy):
 
 def test_an_estimate_shows_all_of_its_parameters_and_compares(noisy):
     estimate, other = identify(noisy, "riv"), identify(noisy, "pr-moesp")
-    for symbol in ("K", "B", "I", "G", "ωn", "ζ", "delay"):
-        assert f"\n  {symbol} " in repr(estimate)
+    rows = [line.split() for line in repr(estimate).splitlines()[2:9]]
+    assert [row[0] for row in rows] == ["K", "B", "I", "G", "ωn", "ζ", "delay"]
+    assert all(len(row) == 5 for row in rows)
     assert other == identify(noisy, "pr-moesp") != estimate
 
 
