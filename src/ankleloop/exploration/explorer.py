@@ -18,7 +18,7 @@ from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.moesp import MoespOptions
 from ankleloop.methods.registry import METHODS, identify
 from ankleloop.options import Options
-from ankleloop.plotting.torques import torque_figure
+from ankleloop.plotting.estimates import torque_figure
 from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate

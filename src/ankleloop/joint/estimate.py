@@ -203,7 +203,7 @@ class Estimate:
         ['measured', 'riv (estimated)', 'true (simulated)']
         """
         # By name: figures stand above estimates, and no job of the workflow depends on them through an estimate.
-        return import_module("ankleloop.plotting.torques").plot_estimate(self, trial)
+        return import_module("ankleloop.plotting.estimates").plot_estimate(self, trial)
 
     def __eq__(self, other: object) -> bool:
         """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""

@@ -11,8 +11,8 @@ import numpy as np
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.pages.rendering import render_template
+from ankleloop.plotting.estimates import centre_torques, find_window
 from ankleloop.plotting.style import MEASURED, TRUE, MethodStyle, method_styles
-from ankleloop.plotting.torques import centre_torques, find_window
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,19 +63,18 @@ def list_lines(
     trial: PreparedTrial, estimates: Mapping[str, Estimate], styles: Mapping[str, MethodStyle], shown: Sequence[str]
 ) -> list[Line]:
     """Measured torque, true ones where they are known, estimates, and what they leave of the torques that are known."""
-    longest = max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"])
-    torques = centre_torques(trial, longest)
-    lines = [Line("measured", MEASURED.colour, True, torques.time, {"net": torques.measured})]
-    if torques.true:
-        lines.append(Line(TRUE_LABEL, TRUE.colour, True, torques.time, torques.true))
-    residuals = []
+    lines, residuals = [], []
     for label, estimate in estimates.items():
         own, colour = centre_torques(trial, estimate), styles[label].colour
         known = {**own.true, "net": own.measured}
-        left = {torque: known[torque] - own.estimated[torque] for torque in TORQUES if torque in known}
+        left = {torque: values - own.estimated[torque] for torque, values in known.items()}
         lines.append(Line(label, colour, label in shown, own.time, own.estimated))
         residuals.append(Line(f"residual of {label}", colour, False, own.time, left, RESIDUAL))
-    return lines + residuals
+    torques = centre_torques(trial, max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"]))
+    targets = [Line("measured", MEASURED.colour, True, torques.time, {"net": torques.measured})]
+    if torques.true:
+        targets.append(Line(TRUE_LABEL, TRUE.colour, True, torques.time, torques.true))
+    return targets + lines + residuals
 
 
 def _draw(lines: Sequence[Line], window: Mapping[str, float], step: int) -> Any:

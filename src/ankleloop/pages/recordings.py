@@ -11,10 +11,9 @@ import pandas as pd
 
 from ankleloop.pages.interactive import render_interactive_torques
 from ankleloop.pages.rendering import describe_table, render_page, render_template
+from ankleloop.plotting.estimates import torque_figure, trajectories_figure
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop.plotting.style import method_styles, render_figure
-from ankleloop.plotting.torques import torque_figure
-from ankleloop.plotting.trajectories import trajectories_figure
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.recommendation import describe_variations, format_with_interval
 

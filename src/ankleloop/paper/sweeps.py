@@ -24,7 +24,7 @@ from ankleloop.paper.trial_tables import (
     label_parameter,
     read_trial_table,
 )
-from ankleloop.plotting.style import MethodStyle, method_styles
+from ankleloop.plotting.style import MethodStyle, label_styles
 from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
@@ -106,7 +106,6 @@ class SweepStudy:
         parameters = tuple(axis for axis in axes.values() if len(axis.values) > 1)
         drawn = tuple(axes[name] for name in settings["axes"] or ()) or parameters[:MOST_COLUMNS]
         labels = {name: label for name, label in methods.items() if name in (settings["methods"] or methods)}
-        styles = method_styles({name: (algorithms or {}).get(name, name) for name in methods})
         shown, pair = trials[trials["method"].isin(list(labels))], settings["difference"] or ()
         difference = " − ".join(methods[name] for name in pair)
         if pair:
@@ -121,7 +120,7 @@ class SweepStudy:
             labels,
             difference,
             _list_panels(quantities, [axis.name for axis in parameters], simulation, with_difference=bool(pair)),
-            {label: styles[name] for name, label in labels.items()} | {difference: DIFFERENCE},
+            label_styles(methods, algorithms or {}) | {difference: DIFFERENCE},
         )
 
     def summarise(self) -> pd.DataFrame:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -84,14 +83,10 @@ def compare_with_bound(
 ) -> pd.DataFrame:
     """Errors of estimated parameters over trials, beside the Cramér-Rao bound."""
     counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
-    names = [name for name in dict.fromkeys(chain.from_iterable(truths.values())) if name in details]
-    estimated = details[names].notna().groupby(details["method"]).any()  # at some point
-    has_estimates = estimated.any(axis=1)
-    # A method that failed in every trial has a row for each parameter that all others have.
-    estimated.loc[~has_estimates] = estimated[has_estimates].all().to_numpy()
     rows = []
     for (point, method), part in details.groupby(["point", "method"], sort=False):
-        for name in (name for name in truths[point] if name in names and estimated.loc[method, name]):
+        estimated = details[details["method"] == method].dropna(axis="columns", how="all")  # at some point
+        for name in (name for name in truths[point] if name in estimated):
             row = {"point": point, "method": method, "parameter": name, "truth": truths[point][name]}
             row |= _measure_errors(part, name, truths[point][name], bounds[point, method].get(name, np.nan))
             rows.append(row | counts.loc[(point, method)].to_dict())

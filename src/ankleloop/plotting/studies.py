@@ -7,14 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
-from ankleloop.plotting.panels import HEIGHT, Panel, Styles, draw_panels, estimates_figure, finish, note_lowest
+from ankleloop.plotting.panels import COLUMNS, Panel, Styles, draw_panels, estimates_figure, finish, note_lowest
 from ankleloop.plotting.style import ONE_COLUMN, REFERENCE_LINE, TRUE, TWO_COLUMNS, DataFigure, MethodStyle
 from ankleloop.signals.vaf import confidence_margin
 
-UPPER_SHARE = 0.45  # of the ordinate, for what lies above a break
 RATIO = "rms error over the bound [1]"
 
 
@@ -25,24 +22,29 @@ def curves_figure(
     xlabel: str,
     styles: Styles | None = None,
     log: bool = False,
-    break_at: float | None = None,
+    above: float | None = None,
 ) -> DataFigure:
     """Mean over trials against a parameter, with the 95 % confidence band of the mean.
 
     A single trial has no band. A ring marks means of which a trial failed or came with a warning; where every trial
-    failed, a cross stands at the lower edge of the panel. Panels of the same quantity share their ordinate, whose part
-    above a break has a scale of its own.
+    failed, a cross stands at the lower edge of the panel. Panels of the same quantity share their ordinate. What lies
+    above a level is also shown on a scale of its own, in panels on top of the others.
     """
     panels = {name: replace(panel, xlabel=xlabel, log="x" * log) for name, panel in panels.items()}
+    columns = min(COLUMNS, len(panels))
+    if above is not None:
+        upper = {}
+        for name, panel in panels.items():
+            label, limits = panel.label.replace(" [", f" above {above:g} ["), (above, (panel.limits or (0.0, 100.0))[1])
+            upper[f"upper {name}"] = replace(panel, label=label, limits=limits)
+        panels = {**upper, **panels}
+        table = pd.concat([table.assign(panel="upper " + table["panel"]), table], ignore_index=True)
     width = ONE_COLUMN if len(panels) == 1 else TWO_COLUMNS
-    height = 1.25 * HEIGHT if break_at else HEIGHT
     means = _summarise(table)
-    figure, axes = draw_panels(means, panels, styles, height=height, width=width, sharex=True)
+    figure, axes = draw_panels(means, panels, styles, columns=columns, width=width, sharex=True)
     for axis, (name, panel) in zip(axes, panels.items(), strict=True):
-        if panel.limits:
+        if panel.limits and panel.limits[0] != above:
             note_lowest(axis, means.loc[means["panel"] == name, "value"].min())
-        if break_at is not None and (means["value"] < break_at).any():
-            _stretch_above(axis, break_at)
     return finish(figure)
 
 
@@ -57,24 +59,6 @@ def _summarise(trials: pd.DataFrame) -> pd.DataFrame:
     means = means.assign(low=means["value"] - margin, high=means["value"] + margin)
     means = means.assign(marked=by["marked"].any(), failed=by["failed"].all()).drop(columns="sd").reset_index()
     return means.sort_values(["series", "x"], key=lambda column: column.replace(order))
-
-
-def _stretch_above(axis: Axes, level: float) -> None:
-    """Draw what lies above a level on a scale of its own."""
-    low, high = axis.get_ylim()
-    below, above = (1.0 - UPPER_SHARE) / (level - low), UPPER_SHARE / (high - level)
-
-    def stretch(values: np.ndarray) -> np.ndarray:
-        return np.where(values < level, below, above) * (values - level)
-
-    def shrink(places: np.ndarray) -> np.ndarray:
-        return places / np.where(places < 0.0, below, above) + level
-
-    axis.set_yscale("function", functions=(stretch, shrink))
-    find = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values
-    ends = (low, level), (level, high)
-    axis.set_yticks(sorted({tick for start, end in ends for tick in find(start, end) if start <= tick <= end}))
-    axis.axhline(level, color="#888888", lw=0.8, zorder=0.5)
 
 
 def ratio_figure(

@@ -29,9 +29,7 @@ BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}  # %, beyond which a
 FAR = 3.0  # distance from 80 % of the values over their range, from which on a value does not set an axis
 DARK = 0.5  # lightness of a cell from which on its number is black
 EMPTY = "#d5d5d5"  # cells without a mean
-# Columns of the table of a map.
-NUMBERS = ["panel", "series", "x_quantity", "x", "y_quantity", "y", "value", "low", "high"]
-NUMBERS += ["trials", "failures", "warnings"]
+COLOUR_BAR: dict[str, Any] = {"aspect": 22, "pad": 0.02, "format": "{x:g}", "extend": "both"}
 
 
 @dataclass(frozen=True)
@@ -189,17 +187,9 @@ def maps_figure(table: pd.DataFrame, axes: tuple[SweepAxis, SweepAxis], panels: 
         images.setdefault(panel, []).append(image)
         cell.set_title(textwrap.fill(name, TITLE // columns, break_on_hyphens=False))
     for panel, drawn in images.items():
-        label = textwrap.fill(panel.label, LABEL)
-        figure.colorbar(
-            drawn[0],
-            ax=[image.axes for image in drawn],
-            label=label,
-            aspect=22,
-            pad=0.02,
-            format="{x:g}",
-            extend="both",
-        )
-    data = table.assign(x_quantity=axes[0].label, y_quantity=axes[1].label).filter(NUMBERS)
+        cells_of_panel = [image.axes for image in drawn]
+        figure.colorbar(drawn[0], ax=cells_of_panel, label=textwrap.fill(panel.label, LABEL), **COLOUR_BAR)
+    data = table.assign(x_quantity=axes[0].label, y_quantity=axes[1].label)
     figure.data = name_quantities(data, {panel.label: Panel(panel.label) for panel in panels})
     return finish(figure)
 

@@ -11,12 +11,12 @@ import xarray as xr
 from matplotlib.text import Text
 
 from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
+from ankleloop.plotting.estimates import mean_trajectories_figure, trajectories_figure
 from ankleloop.plotting.panels import Panel, estimates_figure
 from ankleloop.plotting.recordings import recordings_figure, residual_figure, spectra_figure
 from ankleloop.plotting.studies import curves_figure, order_figure, ratio_figure, traces_figure
 from ankleloop.plotting.style import METHOD_STYLES, ONE_COLUMN, STYLE, TWO_COLUMNS, ordinal_styles
 from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
-from ankleloop.plotting.trajectories import mean_trajectories_figure, trajectories_figure
 
 SMALLEST = 6.0  # pt
 RIV = METHOD_STYLES["riv"]
@@ -76,8 +76,8 @@ def mean_trajectories():
 
 FIGURES = {
     "curves": lambda: curves_figure(trials(panel="p"), {"p": Panel("VAF [%]", "net torque")}, xlabel="gain [1]"),
-    "broken curves": lambda: curves_figure(
-        trials(panel="p"), {"p": Panel("VAF [%]")} | {"q": Panel("VAF [%]")}, xlabel="gain [1]", break_at=92.0
+    "curves in two rows": lambda: curves_figure(
+        trials(panel="p"), {"p": Panel("VAF [%]")} | {"q": Panel("VAF [%]")}, xlabel="gain [1]", above=92.0
     ),
     "estimates": lambda: estimates_figure(rows_of(value=1.0, margin=0.1), {"p": Panel("K [N·m/rad]")}),
     "ratios": lambda: ratio_figure(rows_of(ratio=2.0), limit=1.5),

@@ -6,8 +6,8 @@ import pytest
 
 import ankleloop
 from ankleloop.joint.prepared import prepare
+from ankleloop.plotting.estimates import centre_torques, torque_figure
 from ankleloop.plotting.style import save_figure
-from ankleloop.plotting.torques import centre_torques, torque_figure
 
 
 @pytest.fixture(scope="module")

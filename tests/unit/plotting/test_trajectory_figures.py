@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from matplotlib.patches import Rectangle
 
-from ankleloop.plotting.trajectories import trajectories_figure
+from ankleloop.plotting.estimates import trajectories_figure
 
 PLACES = np.linspace(0.0, 1.0, 101)
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+from html import escape
 
 import pandas as pd
 import pytest
@@ -59,6 +60,8 @@ def test_what_is_there_is_listed(folder):
     recordings = results["recordings"].set_index(["study", "recording"])
     assert recordings.loc[("laboratory", "A1"), "recommended method"] == HOSTILE
     assert recordings["verdict"].tolist() == ["usable", "refused", "refused"]
+    assert HOSTILE not in render_index(results)
+    assert escape(HOSTILE) in render_index(results)
 
 
 def test_the_article_of_an_earlier_run_is_left_out(folder):

@@ -60,17 +60,13 @@ VARIANTS = {
         {"variables": {"position": np.degrees(P), "reference": np.degrees(R)}},
         {"position_unit": "deg", "torque_sign": -1, "position_sign": -1},
     ),
-    "degrees not stated": ({"variables": {"position": 60 * np.degrees(P)}}, {}),
     "time column": ({"variables": {"time": TIME + 3.0}, "sampling_rate": 0}, {}),
     "gap": ({"variables": {"time": GAP}}, {}),
     "time of another length": ({"variables": {"time": TIME[:-1]}}, {}),
     "wrong rate": ({"variables": {"time": TIME}, "sampling_rate": 500.0}, {}),
     "no rate": ({"sampling_rate": 0}, {}),
-    "complex torque": ({"variables": {"torque": TQ + 1j}}, {}),
     "text": ({"variables": {"torque": np.array([b"1.5"] * N)}}, {}),
     "column": ({"variables": {"position": P[:, None], "torque": TQ[None, :]}}, {}),
-    "two channels": ({"variables": {"torque": np.stack([TQ, TQ], axis=1)}}, {}),
-    "empty": ({"variables": {"torque": np.empty(0)}}, {}),
     "another length": ({"variables": {"reference": R[:-1]}}, {}),
     "not finite": ({"variables": {"reference": changed(changed(R, 510, np.nan), 20, np.inf)}}, {}),
     "constant": ({"variables": {"torque": np.full(N, 2.5)}}, {}),
@@ -80,11 +76,6 @@ VARIANTS = {
         {"variables": {"emg": R + 1.0, "level": np.ones(N)}, "attributes": {"emg": {"units": "mV"}}},
         {"variables": {"activity": "emg", "still": "level"}, "position_unit": "deg", "torque_sign": -1},
     ),
-    "further variable not finite": (
-        {"variables": {"emg": changed(R, 700, np.nan)}},
-        {"variables": {"activity": "emg"}},
-    ),
-    "group as a variable": ({"group": "ankle"}, dict.fromkeys(("position", "torque", "reference"), "ankle")),
 }
 
 
