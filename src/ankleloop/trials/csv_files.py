@@ -82,8 +82,12 @@ class CsvContents(Contents):
             if not self._header:
                 self._header, self._header_line = _split(line), number
                 continue
-            if cells > len(self._header):
-                self._check_cells(number, _split(line))
+            width = len(self._header)
+            if cells > width and any(_split(line)[width:]):
+                raise DataError(
+                    f"{self.path.name}: line {number} has {len(_split(line))} cells and the header {width}: correct "
+                    "the line; write decimal points, not commas."
+                )
             self._longest = max(self._longest, cells)
             self._rows += 1
             self._last.append((number, line))
@@ -102,15 +106,6 @@ class CsvContents(Contents):
         if wrong is not None:
             raise DataError(
                 f"{self.path.name}: line {number} is no text in UTF-8 (byte 0x{wrong:02x}): save it as CSV in UTF-8."
-            )
-
-    def _check_cells(self, number: int, cells: list[str]) -> None:
-        """Refuse more cells than the header has, unless they are empty."""
-        width = len(self._header)
-        if any(cells[width:]):
-            raise DataError(
-                f"{self.path.name}: line {number} has {len(cells)} cells and the header {width}: correct the line; "
-                "write decimal points, not commas."
             )
 
     def _check_last_cell(self, name: str, column: int) -> None:

@@ -84,7 +84,7 @@ class _Channel:
 
     def __init__(self) -> None:
         self.samples, self.missing, self.sample = 0, 0, -1  # `sample` is the first one that is missing
-        self.first, self.low, self.high = np.nan, np.inf, -np.inf
+        self.low, self.high = np.inf, -np.inf
 
     def add(self, values: np.ndarray) -> None:
         """Take in the next samples."""
@@ -92,7 +92,6 @@ class _Channel:
         if bad.size and not self.missing:
             self.sample = self.samples + int(bad[0])
         self.missing += bad.size
-        self.first = values[0] if not self.samples else self.first
         self.low, self.high = min(self.low, values.min()), max(self.high, values.max())
         self.samples += values.size
 
@@ -126,7 +125,7 @@ def _check_spread(name: str, channel: _Channel, source: str) -> None:
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
     if spread <= 1e-12 * largest:
         count, remedy = format_samples(channel.samples), "leave it out, or " * (name == "reference")
-        raise DataError(f"{source}: {name} is constant ({channel.first:g} at all {count}): {remedy}check the channel.")
+        raise DataError(f"{source}: {name} is constant ({channel.low:g} at all {count}): {remedy}check the channel.")
     if spread < SMALLEST or largest > LARGEST:
         fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {largest:.3g}"
         raise DataError(f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale.")
