@@ -101,7 +101,6 @@ def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limi
     ends = [segment[:, 0].tolist() for segment in axis.collections[0].get_segments()]
     assert ends == [[1.5, 2.5], [3.0, 5.0]]
     assert axis.get_xlim() == (-10.0, 20.0)
-<<<<<<< HEAD
 
 
 def test_what_lies_above_a_level_has_panels_of_its_own(results):
@@ -112,16 +111,3 @@ def test_what_lies_above_a_level_has_panels_of_its_own(results):
     first, last = figure.axes[0].get_lines(), figure.axes[2].get_lines()
     assert [line.get_ydata().tolist() for line in first] == [line.get_ydata().tolist() for line in last]
     assert figure.data["quantity"].unique().tolist() == ["VAF above 90", "VAF"]
-
-
-def test_the_table_of_a_figure_has_what_its_lines_have(results):
-    figure = curves_figure(results, {"K": Panel("K [N·m/rad]"), "B": Panel("B [N·m·s/rad]")}, xlabel="gain [1]")
-    assert figure.data["unit"].unique().tolist() == ["N·m/rad", "N·m·s/rad"]
-    for axis, quantity in zip(figure.axes, ("K", "B"), strict=True):
-        for line, band in zip(axis.get_lines(), axis.collections, strict=True):
-            rows = figure.data[(figure.data["quantity"] == quantity) & (figure.data["series"] == line.get_label())]
-            np.testing.assert_array_equal(line.get_xydata(), rows[["x", "value"]])
-            edges = band.get_paths()[0].vertices
-            assert {*rows["low"], *rows["high"]} <= set(edges[:, 1])
-=======
->>>>>>> main
