@@ -23,7 +23,7 @@ TRUTHS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"
 INCOMPLETE = {
     "third-order reflex, fitted by second order": {"pole": 30.0},
     "reflex with a threshold of 0.3 rad/s, fitted by a rectifier": {"reflex_threshold": 0.3},
-    "K drifting by 20 % within the record": {"stiffness_drift": 0.2},
+    "K drifting by 20 % within the record": {"variation": "time", "stiffness_table": (135.0, 165.0)},
 }
 LONG, LONG_SEED = 5_000.0, 1_000_000  # duration of the long record [s], and its seed
 

@@ -9,7 +9,7 @@ from tools import peak_memory, run_alone
 
 from ankleloop import simulate
 from ankleloop.methods.long_records import identify_file
-from ankleloop.trials.long_record import LongRecord
+from ankleloop.trials.readers import LongRecord
 
 RATE = 100.0  # Hz
 PART = 1000.0  # s: the record consists of simulated trials of this length, end to end

@@ -14,7 +14,7 @@ _MODULES = {
     "METHODS": "methods.registry",
     "DataError": "errors",
     "Estimate": "joint.estimate",
-    "LongRecord": "trials.long_record",
+    "LongRecord": "trials.readers",
     "UnstableLoopError": "errors",
     "block_bootstrap": "assessment.bootstrap",
     "check_trial": "recordings.checks",

@@ -85,7 +85,7 @@ ROWS = [
     identified("two lengths", {"y": NOISE[1:]}, "400 samples of inputs, 399 of the output", "cut them to one length"),
     identified("no reference", {"instruments": "past-reference"}, "instruments need a reference"),
     of_cycles("onsets that are not sorted", UNSORTED, "onset 5 of 15", "sort them"),
-    of_cycles("onsets in milliseconds", 1000 * ONSETS, "neither milliseconds nor samples"),
+    of_cycles("onsets in milliseconds", 1000 * ONSETS, "not milliseconds or samples"),
     of_cycles("three cycles", ONSETS[:4], "too few whole cycles", "Record more"),
     of_cycles("a phase that is not there", "gait", "no variable 'gait'", "it has"),
     of_cycles(

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from ankleloop.paper.results import COUNTS, count_outcomes, count_trials
+from ankleloop.paper.results import COUNTS
 from ankleloop.paper.trial_tables import read_results
 
 pytestmark = pytest.mark.workflow
@@ -68,22 +68,6 @@ def test_table_and_figure_of_the_paper(reproduction):
     for end in ("png", "pdf", "csv"):
         assert (reproduction / f"results/figures/table1-figure3.{end}").stat().st_size > 10_000
     assert "PR-MOESP" in page(reproduction / "results/reports/table1.html")
-
-
-def test_every_table_of_means_counts_trials_failures_and_warnings(reproduction):
-    for path in (reproduction / "results/tables").glob("*.csv"):
-        if path.stem in ("economy", "recordings") or path.stem.endswith("-trials"):
-            continue  # no means of trials, or of runs that cannot fail
-        table = pd.read_csv(path)
-        details = read_results(reproduction / f"results/tables/{path.stem}-trials.parquet")[0]
-        assert set(COUNTS) <= set(table), path.name
-        assert (table["trials"] == count_trials(details)).all(), path.name
-        assert table["failures"].max() == 0, path.name
-        expected = count_outcomes(details, ["point", "method"])["warnings"]
-        if path.stem != "obstacles":  # there each warning that names the step is left out
-            assert expected.min() <= table["warnings"].min() <= table["warnings"].max() <= details["trial"].max() + 1
-        page = (path.with_suffix(".md")).read_text(encoding="utf-8")
-        assert all(name in page for name in COUNTS), path.name
 
 
 def test_scores_are_means_of_trials(reproduction):

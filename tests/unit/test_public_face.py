@@ -2,8 +2,6 @@
 
 import inspect
 import pkgutil
-import subprocess
-import sys
 
 import pytest
 
@@ -25,22 +23,6 @@ def test_settings_are_the_arguments_of_simulate():
     parameters = inspect.signature(ankleloop.simulate).parameters
     assert {p.kind for p in parameters.values()} == {inspect.Parameter.KEYWORD_ONLY}
     assert set(parameters) >= {"seed", "load", *SimulationSettings.model_fields}
-
-
-@pytest.mark.parametrize(
-    ("statement", "unwanted"),
-    [
-        ("import ankleloop", ("numpy", "xarray", "numba", "scipy", "pydantic")),
-        (
-            "import ankleloop; ankleloop.simulate, ankleloop.identify, ankleloop.evaluate",
-            ("scipy.signal", "scipy.stats", "matplotlib", "control", "h5py"),
-        ),
-    ],
-)
-def test_a_job_loads_only_what_it_needs(statement, unwanted):
-    code = f"import sys\n{statement}\nprint([name for name in {unwanted!r} if name in sys.modules])"
-    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert process.stdout.strip() == "[]"
 
 
 def test_a_script_that_imports_the_package_depends_on_all_of_its_modules(tmp_path):

@@ -15,8 +15,6 @@ import ankleloop
 from ankleloop.pages.rendering import render_table
 from ankleloop.studies.checking import ConfigError, check_config_file
 
-ROOT = Path(__file__).parents[2]
-
 
 class Bomb:
     """An object that leaves a mark where it is unpickled."""

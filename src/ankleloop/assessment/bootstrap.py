@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +16,7 @@ from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.registry import identify
-from ankleloop.options import check_integer, check_number, show_value
+from ankleloop.options import check_integer, check_number
 from ankleloop.signals.decimation import decimation_factor
 
 LEAST_SHARE = 0.9  # of the repetitions: those that fail are not a random part of all
@@ -96,7 +95,6 @@ def block_bootstrap(
     repetitions: int = 200,
     block: float = 2.0,
     seed: int = 0,
-    progress: Callable[[range], Iterable[int]] | None = None,
     **options: Any,
 ) -> Bootstrap:
     r"""Repeat an identification with its residual resampled in blocks.
@@ -118,8 +116,6 @@ def block_bootstrap(
         Length of a block [s]; longer than the residual is correlated, much shorter than the record.
     seed : int
         Seed of the draw.
-    progress : callable, optional
-        Wraps the range of repetitions, as tqdm does.
     **options
         Options of the method.
 
@@ -151,8 +147,6 @@ def block_bootstrap(
     repetitions = check_integer("block_bootstrap", "repetitions", repetitions, ge=2, le=100_000)
     block = check_number("block_bootstrap", "block", block, "s", ge=0.001, le=1e6)
     seed = check_integer("block_bootstrap", "seed", seed, ge=0)
-    if progress is not None and not callable(progress):
-        raise TypeError(f"block_bootstrap: progress must be a function of a range, got {show_value(progress)}.")
     original = prepare(trial)
     estimate = identify(original, method, **options)
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
@@ -167,7 +161,7 @@ def block_bootstrap(
     rng = np.random.default_rng(seed)
     rows: list[dict[str, float]] = []
     failed, reason = 0, ""
-    for _ in (progress or iter)(range(repetitions)):
+    for _ in range(repetitions):
         resampled = _change_torque(original, time, rate, _draw_blocks(rng, residual, length) - residual)
         try:
             row = _sample_row(resampled, identify(resampled, method, **options))

@@ -79,8 +79,8 @@ def cramer_rao(
     Raises
     ------
     TypeError, ValueError
-        For settings that `simulate` refuses, and for a stiffness that drifts or a reflex with a threshold, for which
-        this bound is not derived.
+        For settings that `simulate` refuses, and for a joint that varies or a reflex with a threshold, for which this
+        bound is not derived.
     DataError
         If the record does not tell some of the other parameters apart, or does not move.
 
@@ -137,7 +137,7 @@ def fisher_information(
 
     Shapes: returns information (parameters, parameters).
     """
-    for name in ("stiffness_drift", "reflex_threshold", "variation", "movement", "locked_torque"):
+    for name in ("reflex_threshold", "variation", "movement", "locked_torque"):
         if value := getattr(settings, name):
             raise ValueError(
                 "the bound is derived for constant parameters, random disturbances and a rectifier at zero velocity: "

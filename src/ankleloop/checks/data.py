@@ -60,8 +60,6 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     if warnings:  # what a fault of a channel excites, or does not, says little
         return warnings
     velocities = [trial.motion(trial.grid(use.identification_rate, use.delay))[1] for trial in trials]
-    if max(velocity.size for velocity in velocities) < 2 * (2 * use.block_rows + use.order):
-        return []  # the method says itself that they are too short
     excitation = check_excitation(velocities, use.order, use.block_rows)
     return [] if excitation.verdict == "ok" else [excitation.text]
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.hammerstein import Basis, DriveSpectra
+from ankleloop.joint.hammerstein import Basis
 from ankleloop.signals.decimation import decimation_factor, decimation_margin, differentiation_margin
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
@@ -67,11 +67,6 @@ class Regressors:
     def centred(self) -> list[np.ndarray]:
         """Inputs of the intrinsic and of the reflex path, less their means: shapes (N, 3) and (N, k)."""
         return np.split(self.inputs - self.inputs.mean(axis=0), [MOTION], axis=1)
-
-    @cached_property
-    def drive_spectra(self) -> DriveSpectra:
-        """Spectra of the inputs of the reflex path."""
-        return DriveSpectra.of(self.centred[1], self.rate)
 
     @property
     def names(self) -> tuple[str, ...]:

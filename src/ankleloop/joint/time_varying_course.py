@@ -69,7 +69,7 @@ class Course:
 
 
 def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarray:
-    """Start of every cycle [s].
+    """Start of every cycle [s]; onsets that are not those of the record, or of uneven cycles, are refused.
 
     Shapes: returns (cycles,).
     """
@@ -88,35 +88,30 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
         values = time[starts] - phase[starts] / slope
     else:
         values = np.asarray(onsets, dtype=float)
-    _check_onsets(values, float(time[0]), float(time[-1]))
-    return values
-
-
-def _check_onsets(onsets: np.ndarray, start: float, stop: float) -> None:
-    """Refuse onsets that are not those of the record, and a cycle that is far longer or shorter than the others."""
-    if onsets.ndim != 1 or onsets.size < 2:
+    if values.ndim != 1 or values.size < 2:
         raise DataError("there are fewer than two onsets of cycles: give the start of every cycle in seconds.")
-    durations = np.diff(onsets)
+    durations = np.diff(values)
     if not (durations > 0).all():
         k = int(np.argmin(durations > 0)) + 1
         raise DataError(
-            f"onset {k + 1} of {onsets.size} ({onsets[k]:g} s) is not after the one before: sort them, and leave out "
+            f"onset {k + 1} of {values.size} ({values[k]:g} s) is not after the one before: sort them, and leave out "
             "those that are there twice or are no times."
         )
     cycle = float(np.median(durations))
-    beyond = onsets[0] < start - 1.5 * cycle or onsets[-1] > stop + 1.5 * cycle
-    missing = onsets[0] > start + 2.5 * cycle or onsets[-1] < stop - 2.5 * cycle
-    if (beyond and missing) or cycle > stop - start:  # those of a whole trial cover its segments
+    beyond = values[0] < time[0] - 1.5 * cycle or values[-1] > time[-1] + 1.5 * cycle
+    missing = values[0] > time[0] + 2.5 * cycle or values[-1] < time[-1] - 2.5 * cycle
+    if (beyond and missing) or cycle > time[-1] - time[0]:  # those of a whole trial cover its segments
         raise DataError(
-            f"the onsets go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {start:g} to {stop:g} s: give them "
-            "in seconds of the record, neither milliseconds nor samples; a segment keeps the times of its trial."
+            f"the onsets go from {values[0]:g} to {values[-1]:g} s, the record from {time[0]:g} to {time[-1]:g} s: "
+            "give them in seconds of the record, not milliseconds or samples; a segment keeps the times of its trial."
         )
     k = int(np.argmax(np.abs(np.log(durations / cycle))))
     if not cycle / UNEVEN <= durations[k] <= cycle * UNEVEN:
         raise DataError(
-            f"the cycle that begins at {onsets[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} s: "
+            f"the cycle that begins at {values[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} s: "
             "is an onset missing there, or one too many? Mend the onsets, or cut the record to cycles of one kind."
         )
+    return values
 
 
 def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] | None, schedule: str | None) -> Course:

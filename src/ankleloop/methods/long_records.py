@@ -24,7 +24,7 @@ from ankleloop.signals.decimation import differentiate, differentiation_margin
 from ankleloop.signals.statespace import simulate_states
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp_chunks
 from ankleloop.trials.files import atomic_netcdf, check_output
-from ankleloop.trials.long_record import LongRecord
+from ankleloop.trials.readers import LongRecord
 
 if TYPE_CHECKING:
     import h5netcdf

@@ -174,9 +174,7 @@ def subspace_arguments(options: MoespModelOptions, regressors: Regressors, membe
 def separate_reflex(model: SubspaceEstimate, regressors: Sequence[Regressors]) -> ReflexPath:
     """Nonlinearity and dynamics of the reflex path; the low-pass has a third pole where the model has three."""
     first = regressors[0]
-    spectra = first.drive_spectra
-    if len(regressors) > 1:
-        spectra = DriveSpectra.of(np.concatenate([part.centred[1] for part in regressors]), first.rate)
+    spectra = DriveSpectra.of(np.concatenate([part.centred[1] for part in regressors]), first.rate)
     order = 3 if len(model.matrices.A) == 3 else 2
     return separate_model(model.matrices.select_inputs(first.reflex), spectra, first.basis, order)
 

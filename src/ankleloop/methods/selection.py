@@ -74,9 +74,14 @@ def select_options(
     Returns
     -------
     dict
-        "criterion"; "candidates", each with its options, its `scores` [%] on the data that it was not fitted to and the
-        `warnings` of its fits, or the `error` where it could not be fitted; and the "chosen" options. A record whose
-        halves are too short, or of which no candidate can be fitted, raises a `DataError`.
+        "criterion"; "candidates", each with its options, its `scores` [%] on the data that it was not fitted to, by
+        every criterion that the record allows, and the `warnings` of its fits, or the `error` where it could not be
+        fitted; and the "chosen" options.
+
+    Raises
+    ------
+    DataError
+        If the halves of the record are too short, or no candidate can be fitted.
 
     Examples
     --------
@@ -106,8 +111,15 @@ def select_options(
             losses[number] = loss[criterion]
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows[-1]["error"] = str(error)
-    best = rows[_simplest(losses, rows)]
-    return {"criterion": criterion, "candidates": rows, "chosen": {name: best[name] for name in candidates}}
+    if not losses:
+        raise DataError(f"no candidate could be fitted; the first one failed with: {rows[0]['error']}")
+    losses = {k: loss for k, loss in losses.items() if not rows[k]["warnings"]} or losses
+    best = min(losses.values(), key=np.sum)
+    excesses = {k: loss - best for k, loss in losses.items()}
+    # The first one that is not worse than the best by more than one standard error.
+    number = next(k for k, part in excesses.items() if part.sum() <= np.std(part, ddof=1) * np.sqrt(part.size))
+    chosen = {name: rows[number][name] for name in candidates}
+    return {"criterion": criterion, "candidates": rows, "chosen": chosen}
 
 
 def check_selection(
@@ -200,13 +212,3 @@ def _score(
     joined = {name: np.concatenate(parts) for name, parts in losses.items()}
     scores = {name: float(100.0 * (1.0 - loss.sum() / totals[name])) for name, loss in joined.items()}
     return joined, scores, list(dict.fromkeys(warnings))
-
-
-def _simplest(losses: Mapping[int, np.ndarray], rows: Sequence[Mapping[str, Any]]) -> int:
-    """Number of the first candidate that is not worse than the best by more than one standard error."""
-    if not losses:
-        raise DataError(f"no candidate could be fitted; the first one failed with: {rows[0]['error']}")
-    fitted = {k: loss for k, loss in losses.items() if not rows[k]["warnings"]} or losses
-    best = min(fitted.values(), key=np.sum)
-    excesses = {k: loss - best for k, loss in fitted.items()}
-    return next(k for k, excess in excesses.items() if excess.sum() <= np.std(excess, ddof=1) * np.sqrt(excess.size))

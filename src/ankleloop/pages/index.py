@@ -37,7 +37,6 @@ def render_index(
     tables = {
         "studies": describe_table(results["studies"], results["study_links"]),
         "recordings": describe_table(results["recordings"], results["recording_links"]),
-        "run_times": describe_table(results["run_times"]),
     }
     verdicts = {} if ledger is None else _count_verdicts(ledger)
     body = render_template("index.html.j2", **{**results, **tables}, opening=opening, verdicts=verdicts)

@@ -162,28 +162,25 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
     rows = {row.get("label"): row for row in analysis.table.to_dict("records")}
     texts = {}
     for label, estimate in analysis.estimates.items():
-        if estimate.trajectories is not None:
-            words, data = DIMENSIONS[str(next(iter(estimate.trajectories.sizes)))]
-            test = _describe_test(estimate.diagnostics["variation_p"], words, rows[label]["incomplete"])
-            texts[label] = f"{test} {_compare_with_constant(analysis, rows, label, data)}"
+        if estimate.trajectories is None:
+            continue
+        words, data = DIMENSIONS[str(next(iter(estimate.trajectories.sizes)))]
+        probabilities = estimate.diagnostics["variation_p"]
+        p = {name: "less than 0.001" if p < 0.001 else f"{p:.2g}" for name, p in probabilities.items()}
+        changes = probabilities["all"] < LEVEL
+        text = f"K, B or G change {words}" if changes else f"No change of K, B or G {words} is shown"
+        text += f": a constant joint gives as large a variation with a probability of {p['all']} "
+        text += f"(level {100 * LEVEL:g} %). "
+        text += f"Each of them alone, while the others may change: {', '.join(f'{name} {p[name]}' for name in 'KBG')}. "
+        if not changes:
+            text += "A change that is smaller than the bands may be there. "
+        elif rows[label]["incomplete"]:
+            text += (
+                "But the model is not complete, or the record has a fault, and what a model leaves out may be taken "
+                "for a change. So the test decides nothing here. "
+            )
+        texts[label] = text + _compare_with_constant(analysis, rows, label, data)
     return texts
-
-
-def _describe_test(probabilities: Mapping[str, float], words: str, incomplete: bool) -> str:
-    """The test whether a constant joint is refused, and whether the model is complete enough for it."""
-    p = {name: "less than 0.001" if p < 0.001 else f"{p:.2g}" for name, p in probabilities.items()}
-    changes = probabilities["all"] < LEVEL
-    text = f"K, B or G change {words}" if changes else f"No change of K, B or G {words} is shown"
-    text += f": a constant joint gives as large a variation with a probability of {p['all']} (level {100 * LEVEL:g} %)."
-    text += f" Each of them alone, while the others may change: {', '.join(f'{name} {p[name]}' for name in 'KBG')}."
-    if not changes:
-        text += " A change that is smaller than the bands may be there."
-    elif incomplete:
-        text += (
-            " But the model is not complete, or the record has a fault, and what a model leaves out may be taken for "
-            "a change. So the test decides nothing here."
-        )
-    return text
 
 
 def _compare_with_constant(analysis: Analysis, rows: Mapping[str, Mapping[str, Any]], label: str, data: str) -> str:

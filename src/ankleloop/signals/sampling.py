@@ -20,11 +20,11 @@ def parse_rate(value: ArrayLike, *, source: str) -> float:
         number = np.asarray(value).item()
         rate = np.nan if isinstance(number, bool) else float(number)
     except (TypeError, ValueError, OverflowError):
-        raise DataError(f"{source}: sampling_rate is {show_value(value)}: pass a single number in Hz.") from None
+        rate = np.nan
     if not LOWEST_RATE <= rate <= HIGHEST_RATE:
         limits = describe_limits("Hz", ge=LOWEST_RATE, le=HIGHEST_RATE)
         raise DataError(
-            f"{source}: sampling_rate must be a number of samples per second {limits}, got {show_value(value)}."
+            f"{source}: sampling_rate must be a single number of samples per second {limits}, got {show_value(value)}."
         )
     return rate
 

@@ -17,9 +17,8 @@ def confidence_margin(sd: ArrayLike, n: ArrayLike, level: float = 0.95) -> np.nd
 
     .. math:: t_{(1 + level) / 2, \, n - 1} \; sd / \sqrt{n}
     """
-    sd, n = np.asarray(sd, dtype=float), np.asarray(n)
-    freedom = np.where(n > 1, n - 1, 1)
-    return np.where(n > 1, special.stdtrit(freedom, 0.5 + level / 2) * sd / np.sqrt(n), np.nan)
+    n = np.asarray(n, dtype=float)
+    return special.stdtrit(n - 1.0, 0.5 + level / 2) * sd / np.sqrt(np.maximum(n, 1.0))
 
 
 def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:

@@ -50,25 +50,16 @@ class SimulationSettings(Options):
 
     # Intrinsic stiffness: TQ_I = K·P + B·Ṗ + I·P̈.
     stiffness: float = option(150.0, "intrinsic elastic stiffness K", unit="N·m/rad", ge=0, le=1e6)
-    stiffness_drift: float = option(
-        0.0, "relative change of K over the record, a straight line about `stiffness` in the middle", ge=-2, le=2
-    )
     viscosity: float = option(0.8, "intrinsic viscosity B", unit="N·m·s/rad", ge=0, le=1e5)
     inertia: float = option(0.015, "intrinsic inertia I", unit="kg·m²", ge=0, le=1e4)
 
     # Reflex stiffness: delayed velocity, half-wave rectified, through a low-pass of order 2 or 3.
-    reflex_gain: float = option(
-        13.0, "reflex gain G; assumed: Table 1 does not state it, Eq. 17 prints 2", unit="N·m·s/rad", ge=0, le=1e5
-    )
-    reflex_threshold: float = option(
-        0.0, "velocity at which the rectifier of the reflex begins", unit="rad/s", ge=0, le=1000
-    )
+    reflex_gain: float = option(13.0, "reflex gain G; assumed, Eq. 17 prints 2", unit="N·m·s/rad", ge=0, le=1e5)
+    reflex_threshold: float = option(0.0, "velocity at which the rectifier begins", unit="rad/s", ge=0, le=1000)
     omega_n: float = option(40.0, "natural frequency of the reflex low-pass", unit="rad/s", ge=0.01, le=1e5)
     zeta: float = option(1.0, "damping ratio of the reflex low-pass", ge=0.001, le=1000)
     delay: float = option(0.040, "reflex delay; at least one recorded sample", unit="s", gt=0, le=1)
-    pole: float | None = option(
-        None, "extra real pole p of the third-order form (Eq. 2); null: second order", unit="rad/s", ge=0.01, le=1e5
-    )
+    pole: float | None = option(None, "extra real pole p (Eq. 2); null: none", unit="rad/s", ge=0.01, le=1e5)
 
     # Variation of K, B and G within the record; `stiffness`, `viscosity` and `reflex_gain` are the means.
     variation: Literal["cycle", "time", "schedule"] | None = option(
@@ -77,7 +68,7 @@ class SimulationSettings(Options):
         "trial; null: they are constant",
     )
     variation_shape: Literal["smooth", "square"] = option(
-        "smooth", "how they vary from 0 to 1: as one period of a cosine, or of a square wave"
+        "smooth", "how they vary: as one period of a cosine, or of a square wave"
     )
     stiffness_variation: float = _variation_option("K")
     viscosity_variation: float = _variation_option("B")
@@ -89,9 +80,7 @@ class SimulationSettings(Options):
     viscosity_table: tuple[float, ...] | str | None = _table_option("B", "N·m·s/rad")
     gain_table: tuple[float, ...] | str | None = _table_option("G", "N·m·s/rad")
     cycle_duration: float = option(1.4, "mean duration of a cycle", unit="s", gt=0, le=1e5)
-    cycle_jitter: float = option(
-        0.0, "durations of cycles are spread evenly between (1 - this) and (1 + this) times their mean", ge=0, le=0.5
-    )
+    cycle_jitter: float = option(0.0, "durations of cycles lie evenly within ± this share of their mean", ge=0, le=0.5)
     schedule_period: float = option(
         10.0, "period of one sinusoid of the scheduling variable; 0.618 of it of the other", unit="s", gt=0, le=1e5
     )
@@ -124,15 +113,11 @@ class SimulationSettings(Options):
         f"weights of the dwell times {', '.join(f'{1000 * dwell:g}' for dwell in DWELLS)} ms; null for equal ones",
     )
     amplitude: float = option(0.04, "peak-to-peak amplitude of the position command", unit="rad", ge=1e-9, le=1000)
-    perturbation_locked: bool = option(
-        False, "true: the perturbation is the same in every cycle, from which no method can tell it"
-    )
+    perturbation_locked: bool = option(False, "true: the same in every cycle, from which no method can tell it")
     switching_interval: float = option(
-        0.1, "interval at whose multiples the PRBS may switch, or a pulse may begin", unit="s", gt=0, le=1000
+        0.1, "interval at which the PRBS may switch, or a pulse begin", unit="s", gt=0, le=1000
     )
-    pulse_length: float = option(
-        0.02, "length of the pulses, at most switching_interval, well below the delay", unit="s", gt=0, le=1000
-    )
+    pulse_length: float = option(0.02, "length of the pulses, well below the delay", unit="s", gt=0, le=1000)
 
     # Disturbances, both of which are fed back through the load. The clean net torque is that of the perturbation alone.
     torque_level: float | None = option(
@@ -141,15 +126,11 @@ class SimulationSettings(Options):
     voluntary: float = option(
         0.05, "standard deviation of the voluntary torque over that of the clean net torque; assumed", ge=0, le=1e6
     )
-    voluntary_cutoff: float = option(
-        2.0, "-3 dB frequency of its second-order Bessel low-pass", unit="Hz", ge=0.01, le=1e5
-    )
+    voluntary_cutoff: float = option(2.0, "-3 dB frequency of its Bessel low-pass", unit="Hz", ge=0.01, le=1e5)
     snr_db: float | None = option(
-        10.0, "clean net torque over measurement noise, as recorded; null: no noise", unit="dB", ge=-100, le=300
+        10.0, "clean net torque over noise, as recorded; null: no noise", unit="dB", ge=-100, le=300
     )
-    noise_rate: float = option(
-        100.0, "rate at which white measurement noise is drawn and held", unit="Hz", ge=0.1, le=1e5
-    )
+    noise_rate: float = option(100.0, "rate at which white noise is drawn and held", unit="Hz", ge=0.1, le=1e5)
 
     # Anti-aliasing filter and sampler of every channel.
     recording_rate: float = option(1000.0, "sampling rate of the record", unit="Hz", ge=1, le=1e5)
@@ -204,8 +185,6 @@ class SimulationSettings(Options):
                 raise ValueError(f"{name}_table must hold values of at least 0, got {min(table):g}.")
             if self.variation is None and (table is not None or share > 0):
                 raise ValueError(f"{name}_table and {name}_variation need `variation`: cycle, time or schedule.")
-        if self.variation is not None and self.stiffness_drift != 0:
-            raise ValueError(f"stiffness_drift must be 0 where `variation` is set, got {self.stiffness_drift:g}.")
         return self
 
     @model_validator(mode="after")

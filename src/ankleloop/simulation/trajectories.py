@@ -82,10 +82,7 @@ def trajectories(course: Course, time: np.ndarray) -> Trajectories:
     Shapes: time (N,).
     """
     settings, place = course.settings, course.place(time)
-    stiffness, viscosity, gain = (_profile(settings, name, place) for name in PARAMETERS)
-    if settings.stiffness_drift != 0:
-        stiffness = settings.stiffness * (1.0 + settings.stiffness_drift * (place - 0.5))
-    return Trajectories(stiffness, viscosity, gain)
+    return Trajectories(*(_profile(settings, name, place) for name in PARAMETERS))
 
 
 def parameter_ranges(settings: SimulationSettings) -> np.ndarray:
@@ -94,8 +91,6 @@ def parameter_ranges(settings: SimulationSettings) -> np.ndarray:
     for name in PARAMETERS:
         mean, share, table = _variation(settings, name)
         ranges.append([mean * (1 - share), mean * (1 + share)] if table is None else [min(table), max(table)])
-    drift = 0.5 * abs(settings.stiffness_drift) * settings.stiffness
-    ranges[0] = [ranges[0][0] - drift, ranges[0][1] + drift]
     return np.array(ranges)
 
 

@@ -41,17 +41,10 @@ DIAGRAM_CAPTIONS = {
     "figure2": "The joint with its load in closed loop.",
 }
 NO_NUMBER = "–"
-TIMES = {"s": "seconds", "cpu_time": "cpu_seconds", "max_rss": "memory"}  # columns of benchmark files
-# Columns of the tables of studies and of run times, by what they are made of.
+TIMES = {"s": "seconds", "cpu_time": "cpu_seconds"}  # columns of benchmark files
+# Columns of the table of studies, by what they are made of.
 COLUMNS = {"title": "title", "study": "study", "kind": "data", "points": "points", "methods": "methods"}
 COLUMNS |= {"trials": "trials per point", "seed": "seed", "minutes": "time of its jobs [min]"}
-SUMS = {
-    "jobs": ("seconds", "size"),
-    "sum [s]": ("seconds", "sum"),
-    "longest job [s]": ("seconds", "max"),
-    "processor time [s]": ("cpu_seconds", "sum"),
-    "most memory of a job [MB]": ("memory", "max"),
-}
 
 Provenance = Mapping[str, Any]
 Studies = Mapping[str, Mapping[str, Any]]  # title, kind, points, methods, trials, seed, tables of recordings of each
@@ -136,7 +129,6 @@ def collect_results(
         "figures": _collect_figures(folder, studies),
         "recordings": recordings,
         "recording_links": [find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()],
-        "run_times": _tabulate_run_times(times),
         "provenance": _describe_provenance(provenance, times),
     }
 
@@ -154,15 +146,15 @@ def _format_cell(value: Any) -> str:
 
 
 def read_run_times(folder: Path, jobs: Iterable[str]) -> pd.DataFrame:
-    """Times and memory of jobs, from the benchmark files that Snakemake leaves beside their logs."""
+    """Times of jobs, from the benchmark files that Snakemake leaves beside their logs."""
     rows = []
     for path in (folder / f"{job}.tsv" for job in jobs):
         if path.exists():
             values = pd.read_csv(path, sep="\t", na_values="-").iloc[-1]
-            rule, *study = path.relative_to(folder).with_suffix("").parts[:2]
-            row = {"rule": rule, "study": "".join(study), "end": path.stat().st_mtime}
+            study = path.relative_to(folder).with_suffix("").parts[1:2]
+            row = {"study": "".join(study), "end": path.stat().st_mtime}
             rows.append(row | {name: float(values[column]) for column, name in TIMES.items()})
-    return pd.DataFrame(rows, columns=["rule", "study", *TIMES.values(), "end"])
+    return pd.DataFrame(rows, columns=["study", *TIMES.values(), "end"])
 
 
 def _tabulate_studies(studies: Studies, times: pd.DataFrame) -> pd.DataFrame:
@@ -199,12 +191,6 @@ def _tabulate_recordings(studies: Studies) -> pd.DataFrame:
             recommended = ", ".join(labels) or NO_NUMBER
             rows.append({"recording": recording, "study": study, **first, "recommended method": recommended})
     return pd.DataFrame(rows)
-
-
-def _tabulate_run_times(times: pd.DataFrame) -> pd.DataFrame:
-    """Sums over the jobs of each rule, as text; those of studies stand in their table."""
-    sums = times.groupby("rule").agg(**SUMS).sort_values("sum [s]", ascending=False, kind="stable")
-    return sums.reset_index().map(_format_cell)
 
 
 def _describe_provenance(provenance: Provenance, times: pd.DataFrame) -> list[tuple[str, str]]:

@@ -26,7 +26,7 @@ from ankleloop.errors import DataError
 LEAST_TOLERANCE = 1e-12  # of the directions of instruments: rounding of the rows
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
 ACCURACY = 1e-4  # of squared singular values; a bound that adds magnitudes, a hundred times the size of the errors
-MARGIN = 10.0  # between an eigenvalue and its rounding
+MARGIN = 3.0  # between an eigenvalue and its rounding
 
 
 @dataclass(frozen=True)
@@ -131,19 +131,18 @@ def _find_directions(
     None if rounding leaves open which directions count, by the largest eigenvalue of `gram` or of `total`.
     """
     bound = np.abs(gram if total is None else total).sum(axis=0).max()  # of the largest eigenvalue
-    certain = max(MARGIN * len(gram) * ROUNDING, rank_tolerance**2) * bound
+    rounding = MARGIN * len(gram) * ROUNDING
     factor, info = lapack.dpotrf(gram)
     inverse, info = lapack.dtrtri(factor) if not info else (factor, info)
-    if not info and certain * np.sum(inverse**2) < 1.0:  # then all count, and eigenvectors take longer
+    if not info and max(rounding, rank_tolerance**2) * bound * np.sum(inverse**2) < 1.0:  # then all count
         return inverse, float(np.sqrt(np.linalg.norm(gram, 1) / lapack.dpocon(factor, 1.0)[0])), bound
+    if rank_tolerance**2 < rounding:
+        return None
     values, vectors = np.linalg.eigh(gram)
     largest = values[-1] if total is None else np.linalg.eigvalsh(total)[-1]
     count = int(np.sum(values > rank_tolerance**2 * largest))
-    certain = MARGIN * len(gram) * ROUNDING * largest
     if not count:
         return np.empty((len(gram), 0)), np.inf, float(values[-1])
-    if values[-count] < certain or (rank_tolerance**2 * largest < certain and count < len(values)):
-        return None
     return vectors[:, -count:] / np.sqrt(values[-count:]), float(np.sqrt(values[-1] / values[-count])), float(largest)
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from pydantic import model_validator
 
 from ankleloop.errors import DataError
-from ankleloop.options import Options, option, show_value
+from ankleloop.options import Options, as_real, option, show_value
 from ankleloop.signals.reference import predict_from_reference
 from ankleloop.subspace.hankel import generate_columns, hankel_gram
 from ankleloop.subspace.input_matrices import update_factor
-from ankleloop.subspace.records import list_records, refuse_constant, refuse_not_finite, scale_records
 
 Chunk = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # inputs, outputs and reference
 SIGNALS = ("input", "output", "reference")
+ROUNDING = 1e-13  # of a mean
 Instruments = Literal["none", "past-input", "past-input-output", "past-reference"]
 INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {
     "none": (),
@@ -142,6 +142,25 @@ class Source:
     offsets = True
     open_loop = False  # whether the reference is the inputs
 
+    def name_channel(self, channel: int) -> str:
+        """Signal of a channel, and its number there."""
+        return [f"{name} {k}" for name, size in zip(SIGNALS, self.sizes, strict=True) for k in range(size)][channel]
+
+    def refuse_not_finite(self, x: np.ndarray, first: int, place: str = "") -> None:
+        """Refuse numbers that are not finite; the samples count from a first one."""
+        finite = np.isfinite(x)
+        if not finite.all():
+            t, channel = np.argwhere(~finite)[0]
+            fault = f"{self.name_channel(channel)} is not finite at sample {first + t}{place}"
+            raise DataError(f"{fault}: cut or repair the record.")
+
+    def refuse_constant(self, deviation: np.ndarray, mean: np.ndarray) -> None:
+        """Refuse channels that deviate from their mean by rounding alone, shapes (channels,)."""
+        constant = deviation <= ROUNDING * mean
+        if constant.any():
+            name = self.name_channel(int(constant.argmax()))
+            raise DataError(f"{name} is constant and carries no information: leave it out.")
+
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """Inner products of the Hankel rows, each less its mean over each record unless offsets are zero."""
         total: np.ndarray = np.zeros(1)
@@ -162,6 +181,30 @@ class Source:
         return factor[records:, records:]
 
 
+def list_records(x: Any, name: str, merged: bool, lengths: Sequence[int] | None = None) -> list[np.ndarray]:
+    """List the records of a signal as two-dimensional arrays, which have the lengths of the inputs.
+
+    Shapes: x (N,); returns (N, m).
+    """
+    if merged and not isinstance(x, (list, tuple)):
+        raise DataError(f"the {name} must be a list of records as the inputs are, got {show_value(x)}.")
+    records = [as_real(record, name) for record in (x if merged else [x])]
+    records = [record[:, None] if record.ndim == 1 else record for record in records]
+    for k, record in enumerate(records):
+        if record.ndim != 2 or record.shape[1] != records[0].shape[1]:
+            raise DataError(
+                f"record {k} of the {name} has shape {record.shape}, record 0 {records[0].shape}: every record "
+                "must be (samples, channels), with the same channels."
+            )
+    if lengths is not None and len(records) != len(lengths):
+        raise DataError(f"{len(lengths)} records of inputs, {len(records)} of the {name}: give one for each.")
+    for k, (record, length) in enumerate(zip(records, lengths or [], strict=False)):
+        if len(record) != length:
+            number = f" in record {k}" if len(records) > 1 else ""
+            raise DataError(f"{length} samples of inputs, {len(record)} of the {name}{number}: cut them to one length.")
+    return records
+
+
 class MemorySource(Source):
     """One record or merged records in memory, as `ankleloop.subspace.moesp.moesp` takes them."""
 
@@ -169,21 +212,27 @@ class MemorySource(Source):
         merged = isinstance(u, (list, tuple)) and len(u) > 0 and all(np.ndim(record) == 2 for record in u)
         inputs = list_records(u, "input", merged)
         self.lengths = [len(record) for record in inputs]
-        signals = {"input": inputs, "output": list_records(y, "output", merged, self.lengths)}
+        signals = [inputs, list_records(y, "output", merged, self.lengths)]
         references = [] if reference is None else list_records(reference, "reference", merged, self.lengths)
         if references and options.instruments == "past-reference":
             self.open_loop = all(map(np.array_equal, references, inputs))
             if not self.open_loop:
-                signals["reference"] = references
-        self.offsets = options.offsets
-        how = {"scaling": options.scaling, "subtract_means": options.offsets}
-        pairs = [scale_records(records, name, **how) for name, records in signals.items()]
-        scaled, scales = zip(*pairs, strict=True)
-        self.records = [[np.concatenate(parts, axis=1)] for parts in zip(*scaled, strict=True)]
-        self.sizes = len(scales[0]), len(scales[1]), sum(map(len, scales[2:]))
-        self.scale = np.concatenate(scales)
+                signals.append(references)
+        m, p, *others = (records[0].shape[1] for records in signals)
+        self.sizes, self.offsets = (m, p, sum(others)), options.offsets
+        records = [np.concatenate(parts, axis=1) for parts in zip(*signals, strict=True)]
+        for k, record in enumerate(records):
+            self.refuse_not_finite(record, 0, f" of record {k}" if merged and len(records) > 1 else "")
+        means = [record.mean(axis=0) for record in records]
+        deviations = [record - mean for record, mean in zip(records, means, strict=True)]
+        squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
+        deviation = np.sqrt(squares / max(sum(self.lengths), 1))
+        self.refuse_constant(deviation, np.abs(means).max(axis=0))
+        self.scale = deviation if options.scaling else np.ones_like(deviation)
+        self.records = [[record / self.scale] for record in (deviations if self.offsets else records)]
         if options.input_matrices == "instruments":
-            self.predicted = self._predict_inputs(scaled[0], references, predicted, merged)
+            scaled = [record[:, :m] for (record,) in self.records]
+            self.predicted = self._predict_inputs(scaled, references, predicted, merged)
         elif predicted is not None:
             raise ValueError(
                 "predicted_inputs are instruments for B and D: use input_matrices='instruments' with them."
@@ -224,7 +273,7 @@ class ChunkSource(Source):
             raise DataError("the record has no chunks.")
         start, (m, p) = self._stack(first), (part.shape[1] for part in first[:2])
         self.sizes = m, p, start.shape[1] - m - p
-        refuse_not_finite([start], "channel")
+        self.refuse_not_finite(start, 0)
         # Moments of the first chunk, until those of the record are known.
         self.mean, deviation = start.mean(axis=0), start.std(axis=0)
         self.scale = np.where(np.ptp(start, axis=0) > 0.0, deviation, 1.0)
@@ -242,7 +291,7 @@ class ChunkSource(Source):
         samples, sums, squares = 0, np.zeros(self.scale.size), np.zeros(self.scale.size)
         for chunk in self._chunks():
             x = self._stack(chunk)
-            refuse_not_finite([x], "channel", samples)
+            self.refuse_not_finite(x, samples)
             x = (x - self.mean) / self.scale
             samples, sums, squares = samples + len(x), sums + x.sum(axis=0), squares + np.sum(x**2, axis=0)
             yield x
@@ -254,8 +303,6 @@ class ChunkSource(Source):
         shift = self._sums / self.lengths[0]
         deviation = np.sqrt(np.maximum(self._squares / self.lengths[0] - shift**2, 0.0))
         self.mean, self.scale = self.mean + shift * self.scale, self.scale * deviation
-        edges = np.cumsum([0, *self.sizes])
-        for name, channels in zip(SIGNALS, map(slice, edges, edges[1:]), strict=True):
-            refuse_constant(self.scale[channels], np.abs(self.mean[channels]), name)
+        self.refuse_constant(self.scale, np.abs(self.mean))
         row_scale = deviation[rows.indices % rows.lags.size]
         return gram / np.outer(row_scale, row_scale)

@@ -53,20 +53,11 @@ def check_output(path: PathLike, *, overwrite: bool = False, source: PathLike | 
             raise DataError(f"{path}: the file is being read ({source}): write to another name.")
         if path.exists() and not path.is_file():
             raise DataError(f"{path}: this is a folder or a device, no file: write to a file.")
-        if not overwrite and holds_content(path):
+        if not overwrite and os.path.lexists(path) and path.lstat().st_size > 0:  # nothing is lost of an empty file
             raise DataError(f"{path}: the file exists already: write to another name, or replace it by overwrite=True.")
     except OSError as cause:
         raise _write_error(path, cause) from cause
     return path
-
-
-def holds_content(path: PathLike) -> bool:
-    """Whether there is a file of this name in which something is lost if it is replaced."""
-    try:
-        status = Path(path).lstat()
-    except FileNotFoundError:
-        return False
-    return status.st_size > 0 or not stat.S_ISREG(status.st_mode)
 
 
 def _write_error(path: Path, cause: OSError) -> DataError | ResourceError:

@@ -59,12 +59,6 @@ class ReadingOptions(Options):
                 )
         return dict(pairs)
 
-    @field_validator("position_sign", "torque_sign", mode="before")
-    @classmethod
-    def _as_integer(cls, sign: Any) -> Any:
-        """Signs from tables are often floating-point numbers."""
-        return int(sign) if type(sign) is float and sign in (1, -1) else sign
-
     @model_validator(mode="after")
     def _check_variables(self) -> Self:
         """A variable that serves as two channels makes every estimate of one by the other perfect, and wrong."""

@@ -16,8 +16,7 @@ from ankleloop.trials.files import atomic_netcdf
 from ankleloop.trials.reading_process import readable_file
 from ankleloop.trials.validation import validate
 
-# Point and number of each trial, its attributes as JSON, and why it is missing, else an empty text.
-INDEX = ("point", "number", "trial_attributes", "failure")
+INDEX = "index"  # variable with point and number of each trial, its attributes, and why it is missing, as JSON
 
 Path = str | os.PathLike[str]
 
@@ -42,23 +41,21 @@ def save_trials(
     if index is None:
         trials = list(trials)
         index = [("only", number) for number in range(len(trials))]
-    rows: list[tuple[str, int, str, str]] = []
+    rows = []
     with atomic_netcdf(path, overwrite=overwrite) as file:
         file.dimensions = {"trial": len(index)}
         for row, (trial, (point, number)) in enumerate(zip(trials, index, strict=True)):
             if isinstance(trial, str):
-                rows.append((point, number, "{}", trial))
+                rows.append(json.dumps([point, number, {}, trial]))
                 continue
             if "time" not in file.variables:
                 _create_variables(file, trial, precision)
-            rows.append((point, number, json.dumps(trial.attrs), ""))
+            rows.append(json.dumps([point, number, trial.attrs, ""]))
             for name in map(str, trial.data_vars):
                 values = trial.variables[name].values
                 if values.any():  # what is not written is zero
                     file[name][row] = values.astype(precision)
-        for name, column in zip(INDEX, zip(*rows, strict=True), strict=True):
-            kind, stored = (np.int64, np.int64) if name == "number" else (object, h5py.string_dtype())
-            file.create_variable(name, ("trial",), stored)[:] = np.array(column, dtype=kind)
+        file.create_variable(INDEX, ("trial",), h5py.string_dtype())[:] = np.array(rows, dtype=object)
 
 
 def _create_variables(file: Any, trial: xr.Dataset, precision: str) -> None:
@@ -103,7 +100,7 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[tuple[dict[tuple[str, int], int], Any]]:
+def _open(path: Path) -> Iterator[tuple[dict[tuple[str, int], Any], Any]]:
     """The rows of a trial file by point and number, and a function that reads one; errors name the file."""
     import h5netcdf
 
@@ -111,17 +108,16 @@ def _open(path: Path) -> Iterator[tuple[dict[tuple[str, int], int], Any]]:
         readable_file(path, "trial file", "delete it and run again") as readable,
         h5netcdf.File(readable, decode_vlen_strings=True) as file,
     ):
-        points, numbers, attributes, reasons = (file[name][:].tolist() for name in INDEX)
-        rows = {(str(point), number): row for row, (point, number) in enumerate(zip(points, numbers, strict=True))}
+        rows = {(point, number): (k, *rest) for k, (point, number, *rest) in enumerate(map(json.loads, file[INDEX][:]))}
         signals = {name: (data, dict(data.attrs)) for name, data in file.variables.items() if data.ndim == 2}
 
         def read(point: str, number: int) -> xr.Dataset | str:
-            row = rows[point, number]
-            if reasons[row]:
-                return str(reasons[row])
+            row, attributes, reason = rows[point, number]
+            if reason:
+                return str(reason)
             samples = {name: ("time", data[row].astype(float), attrs) for name, (data, attrs) in signals.items()}
             time = ("time", file["time"][:], dict(file["time"].attrs))
-            trial = xr.Dataset(samples, {"time": time}, json.loads(attributes[row]))
+            trial = xr.Dataset(samples, {"time": time}, attributes)
             return validate(trial, source=f"{path}, trial {number} of {point}")
 
         yield rows, read

@@ -95,16 +95,9 @@ def test_the_bound_of_a_record_without_disturbance_is_zero():
     assert bound == {"K": 0.0, "B": 0.0, "I": 0.0, "G": 0.0, "omega_n": np.inf, "zeta": np.inf}
 
 
-@pytest.mark.parametrize(
-    ("settings", "error", "message"),
-    [
-        ({"stiffness_drift": 0.5}, ValueError, "stiffness_drift must be 0, got 0.5"),
-        ({"reflex_threshold": 0.1}, ValueError, "reflex_threshold must be 0, got 0.1"),
-    ],
-)
-def test_settings_without_a_bound_are_refused(settings, error, message):
-    with pytest.raises(error, match=message):
-        cramer_rao(seed=1, duration=20.0, **settings)
+def test_settings_without_a_bound_are_refused():
+    with pytest.raises(ValueError, match=r"reflex_threshold must be 0, got 0\.1"):
+        cramer_rao(seed=1, duration=20.0, reflex_threshold=0.1)
 
 
 def test_parameters_that_the_record_does_not_tell_apart_are_named():

@@ -17,11 +17,6 @@ def trial():
     return simulate(seed=3, duration=20.0)
 
 
-@pytest.fixture(scope="module")
-def clean():
-    return simulate(seed=3, duration=20.0, voluntary=0.0, snr_db=None)
-
-
 def decimate_variable(trial, name, count=1900):
     return decimate(trial[name].values, FACTOR, FIRST, count)
 

@@ -91,16 +91,12 @@ def test_warnings_of_the_library_are_lines(run, monkeypatch):
     ("message", "options"),
     [
         ("pass sampling_rate in Hz.", "--sampling-rate HZ"),
-        ("Set torque_sign: -1 (turn round the torque)", "--torque-sign -1"),
         ("there are 3 cases: choose one by the option case.", "--case NUMBER"),
         ("pass position_unit='deg', or correct the file.", "--position-unit deg"),
         ("take a shorter part of the recording (start, stop).", "--start S --stop S"),
         ("the loop is closed: input_matrices='instruments'", ""),
-        ("there is no variable 'sampling_rate_2'.", ""),
         ("sampling_rate is stated as 5 Hz, but fs is 6 Hz: leave sampling_rate out.", ""),
         ("a drift of 7 %: remove it (drift, the degree of a polynomial)", "--drift 1"),
-        ("the file exists: overwrite=True replaces it.", "--overwrite"),
-        ("there is drift in it.", ""),
     ],
 )
 def test_messages_name_the_command(capsys, message, options):

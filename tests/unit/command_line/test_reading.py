@@ -3,7 +3,6 @@
 import h5py
 import numpy as np
 import pytest
-import scipy.io
 
 from ankleloop.command_line.reading import map_file
 from ankleloop.trials.reading_options import ReadingOptions
@@ -106,11 +105,3 @@ def test_variables_of_every_format(tmp_path, trial, kind):
         assert max(variables[name].shape) == trial.sizes["time"]
         assert variables[name].values.size == 0
     assert ReadingOptions(**recording.model_dump(include=set(ReadingOptions.model_fields)))
-
-
-def test_variables_of_structs_and_repeated_columns(tmp_path):
-    scipy.io.savemat(tmp_path / "a.mat", {"data": {"angle": WAVE, "tq": WAVE, "note": "left"}, "fs": 100.0})
-    assert {v.name for v in list_variables(tmp_path / "a.mat")} == {"data.angle", "data.tq", "data.note", "fs"}
-    assert map_file(tmp_path / "a.mat").torque == "data.tq"
-    path = write_columns(tmp_path / "a.csv", "angle", "torque", "torque")
-    assert [(v.name, v.shape) for v in list_variables(path)] == [("angle", (300,)), ("torque", ())]

@@ -253,20 +253,6 @@ def test_a_joint_that_changes(run, tmp_path):
     assert study["methods"]["riv-tv"]["method"] == "riv-tv"
 
 
-def test_cycles_that_cannot_be_used_are_said_on_the_terminal(run, tmp_path):
-    save_trial(simulate(seed=1, duration=20.0, variation="cycle", stiffness_variation=0.4), tmp_path / "a.nc")
-    methods = ("--method", "riv", "--method", "riv-tv")
-    result = run("identify", tmp_path / "a.nc", "--cycle-onsets", "5 6.4 7.8", *methods)
-    assert result.status == 0, result.err
-    text = " ".join(result.out.split())
-    assert "not fitted: Joint that changes (riv-tv): too few whole cycles" in text
-    result = run("check", tmp_path / "a.nc", "--cycle-onsets", "gait")
-    assert result.status == 0, result.err
-    text = " ".join(result.out.split())
-    assert "warning cycles: the trial has no variable 'gait' for cycle_onsets" in text
-    assert "--cycle-onsets gait --variables NAME=VARIABLE" in result.err
-
-
 # --- study
 
 

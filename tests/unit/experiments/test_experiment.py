@@ -111,7 +111,7 @@ def test_the_spectrum_of_a_pilot_is_that_of_the_simulation():
 
 
 def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
-    monkeypatch.setattr(perturbation, "GENERATIONS", 8)
+    monkeypatch.setattr(perturbation, "GENERATIONS", 4)
     joint = {"load": (0.1, 10.0, 100.0), "voluntary": 0.3}
     generations = []
 
@@ -120,7 +120,7 @@ def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
         return numbers
 
     design = design_perturbation(joint, seconds=20.0, servo_velocity=1.0, progress=count)
-    assert generations == list(range(8))
+    assert generations == list(range(4))
     assert max(design.time_ratio.values()) < 0.95
     assert sum(design.weights.values()) == pytest.approx(1.0)
     for name, truth in {"K": 150.0, "G": 13.0}.items():

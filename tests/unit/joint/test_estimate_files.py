@@ -90,13 +90,6 @@ def test_estimates_of_a_point_in_several_files(tmp_path):
     assert load_estimates(paths, "c", "x") == {}
 
 
-def test_any_number_of_estimates(tmp_path):
-    save([make_estimate(seed) for seed in range(60)], tmp_path / "0")
-    assert [loaded.stiffness for loaded in load(tmp_path / "0")] == [make_estimate(k).stiffness for k in range(60)]
-    save([], tmp_path / "none")
-    assert load(tmp_path / "none") == []
-
-
 def test_single_precision_rounds_the_torques_alone(tmp_path):
     saved = make_estimate(0)
     save([saved], tmp_path / "0", "single")

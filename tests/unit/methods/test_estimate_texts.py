@@ -36,6 +36,24 @@ def test_the_default_is_the_method_that_feedback_does_not_bias(noisy):
 
 def test_an_estimate_shows_all_of_its_parameters_and_compares(noisy):
     estimate, other = identify(noisy, "riv"), identify(noisy, "pr-moesp")
-    for symbol in ("K = ", "B = ", "I = ", "G = ", "ωn = ", "ζ = ", "delay = 0.04"):
-        assert symbol in repr(estimate)
+    for symbol in ("K", "B", "I", "G", "ωn", "ζ", "delay"):
+        assert f"\n  {symbol} " in repr(estimate)
     assert other == identify(noisy, "pr-moesp") != estimate
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "texts"),
+    [
+        ("riv", {"delay": 0.04}, ["the reflex delay is 40 ms."]),
+        ("riv", {"reference": "position"}, ["the loop is open: the position"]),
+        ("pr-moesp", {}, ["the reflex is a polynomial", "little torque is fed back", "the reflex delay"]),
+        ("parallel-cascade", {}, ["the loop is open: no reference", "the reflex delay"]),
+    ],
+)
+def test_assumptions_are_said_and_are_no_warnings(noisy, method, options, texts):
+    estimate = identify(noisy, method, **options)
+    assumptions = estimate.diagnostics["assumptions"]
+    assert len(assumptions) == len(texts)
+    for assumption, text in zip(assumptions, texts, strict=True):
+        assert assumption.startswith(text)
+        assert assumption not in estimate.diagnostics["warnings"]

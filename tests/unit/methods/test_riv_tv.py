@@ -21,7 +21,6 @@ from ankleloop.assessment.scores import true_trajectories
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.time_varying_course import find_onsets
-from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
 
 LIGHT = (0.1, 10.0, 100.0)
 JOINT = {
@@ -292,27 +291,6 @@ def test_an_inertia_that_varies(noisy, estimate, tmp_path):
     for name in "KBG":
         band = estimate.trajectories[f"{name}_high"] - estimate.trajectories[name]
         assert np.all(np.abs(varying.trajectories[name] - estimate.trajectories[name]) < 0.3 * band)
-
-
-def test_few_cycles_are_warned_about():
-    trial = simulate(seed=1, duration=21.0, variation="cycle", cycle_duration=1.2)
-    assert "cycles are few" in warnings_of(trial, cycle_onsets="phase")
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"knots": (12, 3, 12)}, r"knots of cubic splines must be at least 4, got \(12, 3, 12\)"),
-        ({"cycle_onsets": "phase", "schedule": "angle"}, "exclude each other"),
-        ({"knots": (12, 8)}, "knots is not usable"),
-        ({"delay": 2.0}, "delay must be"),
-        ({"cycle_onsets": [0.0, 1.4, np.nan]}, r"cycle_onsets must be a finite number \[s\], got nan"),
-        ({"cycle_onsets": ["a", "b"]}, r"cycle_onsets must be a finite number \[s\], got 'a'"),
-    ],
-)
-def test_options_that_are_refused(options, message):
-    with pytest.raises(ValueError, match=message):
-        RivTvOptions.parse("riv-tv", **options)
 
 
 MOVING = {"variation": "cycle", "stiffness_variation": 0.4, "movement": 0.2, "cycle_jitter": 0.1, "duration": 42.0}

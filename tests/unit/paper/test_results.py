@@ -2,7 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop.paper.results import summarise_columns, true_spectral_radius
+from ankleloop.paper.results import summarise_columns, true_spectral_radius, true_values
+from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 
 
@@ -41,3 +42,10 @@ def test_summary_has_the_order_of_the_rows_and_leaves_out_missing_values(paramet
 def test_spectral_radius_of_the_true_reflex(settings, radius):
     values = SimulationSettings(omega_n=40.0, **settings).model_dump()
     assert true_spectral_radius(values) == pytest.approx(radius, rel=1e-6)
+
+
+def test_every_true_value_is_that_of_the_simulation():
+    values = true_values(SimulationSettings.defaults())
+    assert values == {"K": 150.0, "B": 0.8, "I": 0.015, "G": 13.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
+    assert set(values) <= set(QUANTITIES)
+    assert list(true_values(SimulationSettings.defaults(), ["B", "K"])) == ["B", "K"]

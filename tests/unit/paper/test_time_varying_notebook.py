@@ -71,12 +71,9 @@ def test_the_notebook_shows_every_study(run_notebook, name):
     for figure in ("errors", "trajectories"):
         assert (folder / f"figure-{name}-{figure}.csv").stat().st_size > 0
         assert (folder / f"figure-{name}-{figure}.png").stat().st_size > 0
-    assert "Mean trajectories" in shown
     assert ("1.33 to 4.06 %" in shown) == (name == "open-loop-cycles")
     assert ("rise time [ms]" in shown) == (name == "square-wave")
     assert table["rise"].notna().any() == (name == "square-wave")
-    assert shown.startswith("# ")
-    assert ("our joint has a reflex" in shown) == (name == "open-loop-cycles")
     assert ("## How small errors can be" in shown) == (name != "square-wave")
     if name != "square-wave":
         rows = table.dropna(subset="efficiency")

@@ -89,7 +89,7 @@ def test_short_trials_are_merged():
     trials = [segment(whole, 6.0 * k, 6.0 * (k + 1)) for k in range(8)]
     analysis = analyse(trials, METHODS)
     assert analysis.check.verdict == "warning"
-    assert "48 s in all" in analysis.check.findings[0].text
+    assert "48 s" in analysis.check.findings[0].text
     assert analyse(trials[:1], METHODS).check.verdict == "refused"
     methods = {"PI": {"method": "pi-moesp", "options": {"basis": "rectifier"}}, "cascade": METHODS["cascade"]}
     merged = analyse(trials, methods)

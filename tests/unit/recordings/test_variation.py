@@ -98,14 +98,6 @@ def test_a_slow_change_has_no_unseen_half_and_is_recommended():
     assert "the trajectories show the change" in recommendation.text
 
 
-def test_a_constant_method_says_what_the_test_says():
-    """With few cycles riv-tv has a warning, so it is not taken; its test counts all the same."""
-    trial = simulate(seed=1, duration=30.0, variation="cycle", **CHANGE)
-    result = analyse(trial, add_course(METHODS, {"cycle_onsets": "phase"}))
-    assert recommend(result).label == "constant"
-    assert "Its parameters are constant, and the test of changing says that they change" in recommend(result).text
-
-
 def test_the_course_of_a_recording_goes_to_methods_that_take_one_and_set_none():
     mapping = {"schedule": "ankle_angle", "cycle_onsets": None}
     methods = METHODS | {"own": {"method": "riv-tv", "options": {"cycle_onsets": "phase"}}}

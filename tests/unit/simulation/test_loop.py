@@ -56,8 +56,7 @@ class AdaptiveSolution:
         return state[1] - state[3]
 
     def stiffness(self, t):
-        p = self.settings
-        return p.stiffness * (1.0 + p.stiffness_drift * (t / p.duration - 0.5))
+        return self.settings.stiffness
 
     def viscosity(self, t):
         return self.settings.viscosity
@@ -124,9 +123,8 @@ class AdaptiveSolution:
         ({"reflex_gain": 25.0, "pole": 50.0, "closed_loop": False, "delay": 0.03125}, 0.0),
         ({"reflex_gain": 2.0, "zeta": 0.7, "omega_n": 25.0, "load_inertia": 0.1, "load_viscosity": 10.0}, 0.5),
         ({"reflex_gain": 20.0, "reflex_threshold": 0.3}, 1.5),
-        ({"stiffness_drift": 0.2, "duration": 2.0, "settling": 0.0}, 0.5),
     ],
-    ids=["third order, open loop, half a step of delay", "other load and reflex", "threshold", "drift"],
+    ids=["third order, open loop, half a step of delay", "other load and reflex", "threshold"],
 )
 def test_loop_against_an_adaptive_solver(parameters, noise):
     external = external_signals(2.0, noise=noise, ramp=0.5 if noise else 0.0)

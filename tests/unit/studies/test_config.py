@@ -22,18 +22,6 @@ def test_every_configuration_of_the_repository_is_valid(config, read_config, ove
     read_studies(lay_over(config, read_config(overlay)))
 
 
-def test_defaults_are_filled_in(config):
-    checked, studies = read_studies(config)
-    study = studies["table1"]
-    assert study.points["reflex_gain=2.0"]["load_inertia"] == 1.1
-    assert study.points["reflex_gain=13.0"]["reflex_gain"] == 13.0
-    assert study.methods["pr-moesp"].options.block_rows == 15
-    assert study.identified_methods["parallel-cascade-one-pass"]["options"]["max_passes"] == 1
-    assert study.identified_methods["parallel-cascade"]["options"]["max_passes"] is None
-    assert checked.studies["table1"].figure.length == 5.0
-    assert "load_inertia" not in config["studies"]["table1"]["simulation"]  # the mapping that is read is not changed
-
-
 TABLE1 = ("studies", "table1")
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.run_config import read_run, report_parameters
+from ankleloop.studies.run_config import read_run
 
 METHODS = {
     "pr-moesp": {"method": "pr-moesp"},
@@ -39,15 +39,3 @@ def test_notebooks_that_know_settings_alone_refuse_options_before_the_first_job(
     with pytest.raises(ConfigError, match=match):
         read(notebook="table1", points=points)
     read(notebook="sweep", points=points)
-
-
-def test_the_notebook_of_a_sweep_has_settings_and_pictures_and_no_points():
-    study = read(notebook="sweep", keep="scores", points={"reflex_gain": [8.0, 12.0], "pr-moesp.block_rows": [12, 15]})
-    files = {"tables": ["t.parquet"]}
-    parameters = report_parameters(study, files, published="data", table_stem="t", figure_stem="f")["study"]
-    assert parameters["points"] == {}
-    assert parameters["varied"] == ["reflex_gain", "pr-moesp.block_rows"]
-    assert parameters["settings"]["duration"] == 40.0
-    assert parameters["sweep"] == study.settings.sweep.model_dump()
-    assert parameters["table_file"] == "t.parquet"
-    assert parameters["trials"] == parameters["estimates"] == []

@@ -97,12 +97,3 @@ def test_an_edited_row_changes_its_chunk_alone(tmp_path, keep):
     assert len(before) > 5
     assert len(changed) == 1
     assert "reflex_gain=20.0" in after[changed[0]][0]
-
-
-@pytest.mark.parametrize("keep", ["everything", "scores"])
-def test_another_point_at_the_end_changes_the_last_chunk_alone(keep):
-    gains = [0.5 * k for k in range(150)]
-    before, after = (jobs(sweep(points={"reflex_gain": g}, keep=keep)) for g in (gains, [*gains, 99.0]))
-    assert len(before) > 3
-    assert after[: len(before) - 1] == before[:-1]
-    assert len(after) - len(before) in (0, 1)

@@ -74,7 +74,7 @@ def test_points_that_leave_a_parameter_out_have_the_shared_value():
     ],
 )
 def test_ranges(values, expected):
-    name = "stiffness_drift" if expected[0] < 0 else "reflex_threshold"
+    name = "snr_db" if expected[0] < 0 else "reflex_threshold"
     assert [point.values[name] for point in read({name: values})] == expected
 
 

@@ -21,13 +21,3 @@ def test_the_schema_in_the_repository_is_current():
 @pytest.mark.parametrize("name", ["config.yaml", "recordings.example.yaml"])
 def test_the_schema_accepts_the_configuration(read_config, name):
     jsonschema.validate(read_config(name), SCHEMA)
-
-
-def test_the_schema_refuses_what_the_models_refuse(change):
-    for keys, value in (
-        (["studies", "table1", "trails"], 3),
-        (["studies", "table1", "trials"], 0),
-        (["studies", "table1", "methods", "a"], {"method": "parallel-cascade", "options": {"order": 2}}),
-    ):
-        with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(change(*keys, value=value), SCHEMA)

@@ -65,7 +65,7 @@ def test_only_some_inputs_drive_the_state():
 def test_the_error_names_faulty_chunks():
     u, y, r = simulate_data(300)
     u[211, 1] = np.nan
-    with pytest.raises(DataError, match="channel 1 is not finite at sample 211"):
+    with pytest.raises(DataError, match="input 1 is not finite at sample 211"):
         moesp_chunks(split(u, y, r, 50), 6, 2, "past-reference")
     u[:, 1] = 3.0
     with pytest.raises(DataError, match="input 1 is constant"):

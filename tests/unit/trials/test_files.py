@@ -202,7 +202,7 @@ from ankleloop.errors import ResourceError
 trial = simulate(seed=1, duration=20.0)
 estimate = identify(trial, "pr-moesp")
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-for limit, writer, exists in product((4, 20_000), test_files.WRITERS, (False, True)):
+for (limit, exists), writer in product(((4, False), (20_000, True)), test_files.WRITERS):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
     name, write = test_files.WRITERS[writer]
     path = Path(sys.argv[2]) / str(limit) / f"{writer}-{exists}" / name

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from ankleloop.trials.files import UnreadableError
-from ankleloop.trials.group_files import Fields, read_groups, write_groups
+from ankleloop.trials.group_files import read_groups, write_groups
 
 NUMBERS = {
     "scalar": ((), 0.1 + 0.2),
@@ -46,10 +45,3 @@ def test_complex_numbers_have_a_form_in_both_containers(path):
     read = np.asarray(read_groups(path, "contents")["data"].values["poles"])
     pairs = read if path.suffix == ".nc" else np.column_stack([read.ravel().real, read.ravel().imag])
     np.testing.assert_array_equal(pairs, [[1.0, 2.0], [3.0, -4.0]])
-
-
-def test_values_that_are_not_finite_can_be_allowed():
-    fields = Fields("f", {"x": [np.nan]})
-    assert np.isnan(fields.array("x", 1, finite=False)[0])
-    with pytest.raises(UnreadableError, match="'x' is not finite"):
-        fields.array("x", 1)

@@ -2,15 +2,9 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from ankleloop.trials.reading_options import ReadingOptions
-
-
-def test_channels():
-    assert ReadingOptions(position="angle").channels == {"position": "angle", "torque": "torque"}
-    assert ReadingOptions(reference="command").channels["reference"] == "command"
 
 
 @pytest.mark.parametrize("unit", ["rad", "deg"])
@@ -20,13 +14,6 @@ def test_factors(unit, sign):
     angle = sign * (math.radians(1) if unit == "deg" else 1.0)
     assert options.factor("position") == options.factor("reference") == angle
     assert options.factor("torque") == options.factor("torque_reflex") == -sign
-
-
-@pytest.mark.parametrize("sign", [-1, -1.0, np.int8(-1), np.float32(-1)])
-def test_signs_become_integers(sign):
-    options = ReadingOptions(position_sign=sign, torque_sign=sign)
-    assert (options.position_sign, options.torque_sign) == (-1, -1)
-    assert type(options.position_sign) is type(options.torque_sign) is int
 
 
 @pytest.mark.parametrize(

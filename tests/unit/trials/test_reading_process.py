@@ -115,12 +115,6 @@ def test_a_failure_refuses_the_file_and_no_other(tmp_path, replace_reader, monke
     assert_reads(good)
 
 
-def test_a_file_that_grows_while_it_is_read(tmp_path, replace_reader):
-    replace_reader("open(path, 'ab').write(bytes(8)) and 0")
-    with pytest.raises(DataError, match=r"^a.mat: the file has changed while it was read: wait until it is whole"):
-        read_trial(write_mat(tmp_path / "a.mat"))
-
-
 def test_a_reader_that_the_system_kills_says_nothing_about_the_file(tmp_path, replace_reader):
     """As where memory is short."""
     replace_reader("os.kill(os.getpid(), 9)")
@@ -138,12 +132,6 @@ def test_ctrl_c_leaves_no_half_answer(tmp_path, replace_reader):
     with pytest.raises(KeyboardInterrupt):
         read_trial(bad)
     assert_reads(good)
-
-
-def test_a_python_that_does_not_find_the_library(tmp_path, monkeypatch):
-    monkeypatch.setattr(reading_process, "PROGRAM", "import nothing_of_this_name")
-    with pytest.raises(ResourceError, match=r"the process that reads it did not start: .*; use another Python"):
-        read_trial(write_mat(tmp_path / "a.mat"))
 
 
 def test_files_of_the_current_folder_are_not_imported(tmp_path, monkeypatch):
