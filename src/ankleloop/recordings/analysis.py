@@ -19,7 +19,7 @@ from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import find_method, identify
-from ankleloop.methods.riv.alternatives import format_shifts
+from ankleloop.methods.riv.alternatives import compute_shifts, format_shifts
 from ankleloop.methods.selection import check_selection
 from ankleloop.recordings.checks import Check, check_trial
 from ankleloop.recordings.validity import caution, reason_against
@@ -29,6 +29,8 @@ from ankleloop.trials.trial import segment
 BLOCK = 2.0  # s: longer than the squares of torques are correlated
 FEWEST = 5  # blocks
 DEFAULTS: Mapping[str, Any] = {"options": {}, "select": None, "criterion": None}
+
+OTHER_DELAY = 0.01  # s
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +66,8 @@ class Analysis:
     residuals: dict[str, ResidualTest] = field(repr=False)
     # One row for each method: whether it is `valid` here (else the reason in `warnings`), `warnings` of its estimate,
     # whether it can be `trusted` (valid, and without a warning), a `caution` where it is valid with one, its
-    # `assumptions`, whether its model is `incomplete`, cross-validated and fitted VAF [%] with intervals, parameters
+    # `assumptions`, with what 10 ms more of an assumed delay would do,
+    # whether its model is `incomplete`, cross-validated and fitted VAF [%] with intervals, parameters
     # with the kind of their `intervals` (parameters of a method with a warning have none), tests of the residual. One
     # row without a method if the recording was refused.
     table: pd.DataFrame = field(repr=False)
@@ -136,7 +139,7 @@ def analyse(
         try:
             estimates, unseen, scores = _fit(prepared, check, specification)
             test = _test_residual(prepared, estimates, check.instrumental, reference)
-            row |= scores | _describe_estimate(prepared[0], check, method, estimates[0], test)
+            row |= scores | _describe_estimate(prepared, check, specification, estimates[0], test)
             analysis.records[label], analysis.residuals[label] = estimates, test
             if unseen:
                 analysis.unseen[label] = unseen
@@ -249,19 +252,25 @@ def _test_residual(
 
 
 def _describe_estimate(
-    trial: PreparedTrial, check: Check, method: str, estimate: Estimate, test: ResidualTest
+    trials: list[PreparedTrial],
+    check: Check,
+    specification: Mapping[str, Any],
+    estimate: Estimate,
+    test: ResidualTest,
 ) -> dict[str, Any]:
     """Columns of the table about the estimate of the first trial."""
     row = {f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")}
-    row |= parameter_row(trial, estimate)
+    row |= parameter_row(trials[0], estimate)
     warnings, diagnostics = estimate.fit_warnings, estimate.diagnostics
     if warnings:  # the covariance belongs to a solution that was not reached, or to another model
         for name in ("intervals", *(f"{name}_{end}" for name in estimate.intervals for end in ("low", "high"))):
             row.pop(name, None)
     # Warnings about the data concern all methods alike, so they do not decide between them.
     about_data = diagnostics.get("data_warnings", ())
-    cautions = caution(method, check.loop, check.reference), *about_data
+    cautions = caution(specification["method"], check.loop, check.reference), *about_data
     texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
+    if "delay" not in estimate.intervals:
+        texts.append(_try_later_reflex(trials, specification, estimate))
     for alternative in diagnostics.get("alternatives", ()):
         moved = format_shifts(alternative["shifts"])
         texts.append(f"With {alternative['effect']} in the model it would move {moved}.")
@@ -273,6 +282,17 @@ def _describe_estimate(
         "incomplete": bool(test.related or about_data or diagnostics.get("alternatives")),
         "assumptions": " ".join(text[0].upper() + text[1:] for text in texts),
     }
+
+
+def _try_later_reflex(trials: list[PreparedTrial], specification: Mapping[str, Any], estimate: Estimate) -> str:
+    """What another delay would do."""
+    options = specification["options"] | {"delay": estimate.reflex["delay"] + OTHER_DELAY}
+    try:
+        other = _identify(trials, specification["method"], **options)[0]
+    except DataError as error:
+        return f"What a delay of {1000 * OTHER_DELAY:g} ms more would do cannot be told: {error}"
+    shifts = compute_shifts(*({**part.stiffness, **part.reflex} for part in (estimate, other)))
+    return f"A delay of {1000 * OTHER_DELAY:g} ms more would move {format_shifts(shifts)}."
 
 
 def torque_residual(trial: PreparedTrial, estimate: Estimate, *, trim: float = 0.0) -> TorqueResidual:

@@ -319,3 +319,12 @@ def test_onsets_of_another_trial_or_of_another_time():
     identify(part, "riv-tv", cycle_onsets=onsets)
     with pytest.raises(DataError, match="a segment keeps the times of its trial"):
         identify(part, "riv-tv", cycle_onsets=onsets[onsets > 14.0] - 14.0)
+
+
+@pytest.mark.parametrize(("late", "word"), [(500, "s earlier"), (-500, "s later"), (0, "")])
+def test_a_schedule_that_is_shifted_in_time_is_a_warning(late, word):
+    trial = simulate(seed=1, variation="schedule", stiffness_variation=0.4, movement=0.2, duration=42.0)
+    trial["schedule"] = ("time", np.roll(trial["schedule"].to_numpy(), late))
+    warnings = warnings_of(trial, schedule="schedule")
+    assert ("follows the schedule" in warnings) == bool(word)
+    assert word in warnings

@@ -57,9 +57,10 @@ def test_only_valid_methods_are_fitted(analyses, loop, valid):
     assert invalid["K"].isna().all()
 
 
-def test_assumptions_are_said(analyses):
+def test_assumptions_are_said_with_what_another_delay_would_do(analyses):
     table = analyses["open"][1].table.set_index("label")
     assert "The reflex delay is 40 ms." in table.loc["cascade", "assumptions"]
+    assert "A delay of 10 ms more would move K by " in table.loc["cascade", "assumptions"]
 
 
 def test_scores_on_the_half_that_was_not_fitted(analyses):

@@ -30,6 +30,8 @@ ROUNDS = 5
 MOVEMENT_BAND, FLOOR_BAND = (0.6, 1.5), (2.0, 6.0)  # frequencies of a cycle, and those of the perturbation beside it
 MOVEMENT_POWER = 8.0  # of a movement over that of the perturbation; by chance up to 5
 SAME_PHASE = 0.9  # length of the mean of unit vectors
+SLOW, LATEST, LATER = 1.0, 1.0, 0.1  # Hz; s; what another time explains more of the movement
+FOLLOWED = 0.3  # of the slow movement, at least, by a schedule that it follows
 WEAK = 10.0  # statistic of weak instruments (Staiger and Stock 1997)
 
 
@@ -188,7 +190,8 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
 def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dict[str, np.ndarray]) -> list[str]:
     """What the record does not show, or the search did not reach."""
     equations, course, strength = solution.equations, solution.equations.course, solution.strength
-    warnings = _check_cycles(equations) if course.periodic else []
+    checks = {"phase": _check_cycles, "schedule": _check_schedule, "time": lambda _: []}
+    warnings = checks[course.dimension](equations)
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}.")
     for name in equations.bases.names:
@@ -247,6 +250,25 @@ def _check_cycles(equations: TimeVaryingEquations) -> list[str]:
     return [
         f"the movement is not the same at all onsets of cycles (its phases agree by {common:.2f}): are they those of "
         "another trial, or counted from another time? K, B and G over phase are wrong then."
+    ]
+
+
+def _check_schedule(equations: TimeVaryingEquations) -> list[str]:
+    """Whether the slow movement follows the schedule at once, where it follows it."""
+    size = equations.position.size
+    spectra = np.fft.rfft([equations.position, equations.course.place])
+    spectra[:, np.fft.rfftfreq(size, 1.0 / equations.rate) >= SLOW] = 0.0
+    movement, place = np.fft.irfft(spectra, size)
+    reach = round(LATEST * equations.rate)
+    middle, lags = slice(reach, -reach), range(-reach, reach + 1)
+    shares = np.array([np.corrcoef(movement[middle], np.roll(place, lag)[middle])[0, 1] ** 2 for lag in lags])
+    best = int(np.argmax(shares))
+    if shares[best] < FOLLOWED or shares[reach] > shares[best] - LATER:
+        return []
+    late = (reach - best) / equations.rate
+    return [
+        f"the slow movement follows the schedule {abs(late):.2g} s {'earlier' if late > 0 else 'later'} than its "
+        "samples say: is the schedule shifted in time, or that of another trial?"
     ]
 
 
