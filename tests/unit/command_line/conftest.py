@@ -9,7 +9,7 @@ from ankleloop.trials.recording_files import write_recording
 
 
 @pytest.fixture
-def run(capsys):
+def run(capsys, coarse_pictures):
     """Run a command in this process; it gives its status, its standard output and its standard error."""
 
     def run_command(*arguments):

@@ -11,7 +11,6 @@ import pytest
 import yaml
 from study_jobs import run_jobs
 
-from ankleloop.plotting import style
 from ankleloop.studies.run_config import report_parameters
 from ankleloop.studies.study import read_studies
 
@@ -25,10 +24,8 @@ SMALL = {
 
 
 @pytest.fixture
-def run_notebook(tmp_path, monkeypatch):
+def run_notebook(tmp_path):
     """Make a small study, and run the cells of the notebook on it; it gives what they show, and the table."""
-
-    monkeypatch.setattr(style, "DOTS_PER_INCH", 50)  # which takes less time
 
     def run(name):
         config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
@@ -63,6 +60,7 @@ def run_cells(parameters):
     return "\n".join(shown)
 
 
+@pytest.mark.usefixtures("coarse_pictures")
 @pytest.mark.parametrize("name", SMALL)
 def test_the_notebook_shows_every_study(run_notebook, name):
     shown, table, folder = run_notebook(name)

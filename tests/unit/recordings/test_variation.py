@@ -55,6 +55,7 @@ def test_a_change_is_told_with_its_test_and_the_gain_on_unseen_cycles(analysis):
     assert "the time-invariant fit (constant)" in text
 
 
+@pytest.mark.usefixtures("coarse_pictures")
 def test_the_page_shows_trajectories_bands_and_excitation(analysis):
     trial, result = analysis
     figures = embed_recording_figures(trial, result)
