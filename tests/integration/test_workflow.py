@@ -120,8 +120,7 @@ def test_a_changed_method_identifies_again_and_simulates_nothing(reproduction, p
     assert not any(job.startswith("simulate") for job in jobs)
 
 
-def test_changed_diagrams_and_pages_are_drawn_again(plan, touch):
-    touch("plotting/diagrams.py")
+def test_changed_pages_are_made_again(plan, touch):
     touch("pages/templates/base.html.j2")
     rules = {"report", "figure", "article", "index", "recordings", "publish"}
     assert {job.split()[0] for job in plan()} == rules

@@ -63,6 +63,7 @@ rule article:
         verification=rules.verify.output.ledger,
         conclusions=repository_file("data/conclusions.yaml"),
         notebook=repository_file("notebooks/article.ipynb"),
+        diagrams=[repository_file(f"data/diagrams/{name}") for name in DIAGRAMS],
     output:
         page=report(
             "results/article.html",
@@ -70,11 +71,7 @@ rule article:
             caption="../report/article.rst",
         ),
         diagrams=report(
-            expand(
-                "results/figures/{figure}.{suffix}",
-                figure=DIAGRAMS,
-                suffix=["png", "pdf", "svg"],
-            ),
+            [f"results/figures/{name}" for name in DIAGRAMS],
             category="Figures 1 and 2",
             caption="../report/diagrams.rst",
         ),

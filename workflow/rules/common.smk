@@ -32,7 +32,9 @@ if workflow.is_main_process and describe_article(CONFIG):
     logger.info(describe_article(CONFIG))
 RUN = [STUDIES[name] for name in CONFIG.run_names]
 ARTICLE = [STUDIES[name] for name in CONFIG.article_names]
-DIAGRAMS = ["figure1", "figure2"]
+DIAGRAMS = [
+    f"{name}.{end}" for name in ("figure1", "figure2") for end in ("png", "pdf", "svg")
+]
 KINDS = ["trials", "estimates", "scores"]
 # Files of the repository; `local` says that they are never in the storage of the results.
 PUBLISHED = [local(str(path)) for path in sorted(ROOT.glob("data/published/*.csv"))]

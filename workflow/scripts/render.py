@@ -1,6 +1,7 @@
 """Run a notebook with parameters, and render it as one HTML page that needs no other files."""
 
 import json
+import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,8 +14,6 @@ from nbconvert import HTMLExporter
 from ankleloop.pages.rendering import find_captions, render_page
 from ankleloop.paper.results import KEYS, describe_failures
 from ankleloop.paper.trial_tables import read_trial_table
-from ankleloop.plotting.diagrams import closed_loop_diagram, parallel_cascade_diagram
-from ankleloop.plotting.style import save_figure
 from ankleloop.trials.files import atomic_file
 
 from job import log, running
@@ -69,9 +68,9 @@ with running(snakemake):
     notebook, parameters = snakemake.input.notebook, dict(snakemake.params.parameters)
     study = parameters.get("study")  # the article shows several, each of which has a page of its own
     check_parameters(notebook, parameters)
-    for path in parameters.get("diagrams", ()):  # of the article
-        diagram = parallel_cascade_diagram() if "figure1" in path else closed_loop_diagram()
-        save_figure(diagram, Path(path).with_suffix(""), suffixes=(".png", ".pdf", ".svg"), overwrite=True)
+    diagrams = [snakemake.input.get("diagrams", ()), snakemake.output.get("diagrams", ())]  # of the article
+    for source, path in zip(*diagrams, strict=True):
+        shutil.copyfile(source, path)
     if snakemake.output.get("figures"):  # a folder, which the notebook fills
         Path(snakemake.output.figures).mkdir(parents=True, exist_ok=True)
     executed = execute(notebook, parameters)

@@ -159,7 +159,7 @@ def label_styles(labels: Mapping[str, str], algorithms: Mapping[str, str]) -> di
 class DataFigure(Figure):
     """Figure with the table of the numbers that it draws, which a notebook shows without pyplot.
 
-    `data` is a tidy table with the unit of each number; `save_figure` writes it beside the picture. A diagram has none.
+    `data` is a tidy table with the unit of each number; `save_figure` writes it beside the picture.
     """
 
     data: pd.DataFrame | None = None

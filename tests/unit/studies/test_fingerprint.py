@@ -81,5 +81,5 @@ def test_scripts_of_the_workflow_reach_what_they_use():
     assert "methods/riv/riv.py" in by_script["identify"]  # which the registry imports by its name
     assert "methods/riv/riv.py" not in by_script["simulate"]
     assert "studies/config.py" not in by_script["simulate"] | by_script["identify"]
-    assert "plotting/diagrams.py" not in by_script["identify"] | by_script["verify"]
+    assert "plotting/sweeps.py" not in by_script["identify"] | by_script["verify"]
     assert "pages/rendering.py" in by_script["render"] & by_script["recordings"]
