@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 from matplotlib.figure import Figure
 
-from ankleloop.trials.files import atomic_file, quote_formulas
+from ankleloop.trials.files import atomic_file, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,11 +45,9 @@ STYLE: Any = {
     "axes.axisbelow": True,
     "legend.frameon": False,
     "pdf.fonttype": 42,
-    "svg.hashsalt": "ankleloop",
 }
 # Metadata that would differ between two runs are left out.
-CREATION = {"CreationDate": None, "Producer": None}
-METADATA: dict[str, Any] = {".png": {"Software": None}, ".pdf": CREATION, ".svg": {"Date": None, "Creator": None}}
+METADATA: dict[str, Any] = {".png": {"Software": None}, ".pdf": {"CreationDate": None, "Producer": None}}
 
 Dashes = tuple[float, ...]
 
@@ -152,8 +150,7 @@ def ordinal_styles(names: Iterable[str]) -> dict[str, MethodStyle]:
 
 def label_styles(labels: Mapping[str, str], algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
     """Styles of the methods of a study by their labels."""
-    styles = method_styles({name: algorithms.get(name, name) for name in labels})
-    return {label: styles[name] for name, label in labels.items()}
+    return method_styles({label: algorithms.get(name, name) for name, label in labels.items()})
 
 
 class DataFigure(Figure):
@@ -177,16 +174,11 @@ def render_figure(figure: Figure, dots_per_inch: float, suffix: str = ".png") ->
     return stream.getvalue()
 
 
-def save_figure(
-    figure: Figure, stem: str | Path, suffixes: Sequence[str] | None = None, *, overwrite: bool = False
-) -> None:
-    """Write a figure and the numbers that it draws, the same bytes for the same data."""
-    stem, data = Path(stem), getattr(figure, "data", None)
-    if suffixes is None:
-        suffixes = (".png", ".pdf") if data is None else (".png", ".pdf", ".csv")
-    for suffix in suffixes:
-        with atomic_file(stem.with_name(stem.name + suffix), overwrite=overwrite) as partial:
-            if suffix == ".csv" and data is not None:
-                quote_formulas(data).to_csv(partial, index=False, lineterminator="\n")
-            else:
-                partial.write_bytes(render_figure(figure, DOTS_PER_INCH, suffix))
+def save_figure(figure: Figure, stem: str | Path, *, overwrite: bool = False) -> None:
+    """Write a figure as PNG and PDF, and the numbers that it draws as CSV: the same bytes for the same data."""
+    for suffix in METADATA:
+        with atomic_file(f"{stem}{suffix}", overwrite=overwrite) as partial:
+            partial.write_bytes(render_figure(figure, DOTS_PER_INCH, suffix))
+    data = getattr(figure, "data", None)  # a figure of a user's notebook may have none
+    if data is not None:
+        write_csv(data, f"{stem}.csv", overwrite=overwrite)

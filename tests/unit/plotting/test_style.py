@@ -1,6 +1,5 @@
 import numpy as np
 import pandas as pd
-import pytest
 from matplotlib.figure import Figure
 
 from ankleloop.plotting.panels import finish, panel_grid
@@ -22,15 +21,14 @@ def test_legend_has_each_label_once_and_marks_at_its_end():
     assert entries(figure) == [["estimate", "true value"]]
 
 
-@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
-def test_equal_figures_give_equal_bytes(tmp_path, suffix):
+def test_equal_figures_give_equal_bytes(tmp_path):
     for name in ("first", "second"):
         figure = Figure()
         figure.subplots().plot(np.arange(5.0))
-        save_figure(figure, tmp_path / name, suffixes=[suffix])
-    first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in ("first", "second"))
-    assert first == second
-    assert sorted(path.name for path in tmp_path.iterdir()) == [f"first{suffix}", f"second{suffix}"]
+        save_figure(figure, tmp_path / name)
+    for suffix in (".png", ".pdf"):
+        assert (tmp_path / f"first{suffix}").read_bytes() == (tmp_path / f"second{suffix}").read_bytes()
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_the_numbers_of_a_figure_are_written_beside_it(tmp_path):

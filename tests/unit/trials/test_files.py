@@ -66,7 +66,7 @@ def save_figure(path, **options):
 
     from ankleloop.plotting.style import save_figure
 
-    save_figure(Figure(), path.with_suffix(""), suffixes=[path.suffix], **options)
+    save_figure(Figure(), path.with_suffix(""), **options)
 
 
 def write_estimates(estimate, path, **options):
