@@ -107,18 +107,12 @@ def _count_rows(runs: Runs, options: MoespOptions, regressors: Regressors) -> li
     """Rows of instruments, and what a constant in the basis would add: numbers that no trial changes."""
     block_rows = options.block_rows
     constant = np.ones((len(regressors.inputs), 1))
-    ranks = [
-        _rank(inputs, block_rows, options.rank_tolerance)
-        for inputs in (regressors.inputs, np.hstack([regressors.inputs, constant]))
-    ]
+    ranks = []
+    for inputs in (regressors.inputs, np.hstack([regressors.inputs, constant])):
+        hankel = block_hankel(inputs / inputs.std(axis=0).clip(1e-12), 0, block_rows, len(inputs) - block_rows + 1)
+        centred = hankel - hankel.mean(axis=1, keepdims=True)
+        ranks.append(int(np.linalg.matrix_rank(centred, rtol=options.rank_tolerance)))
     numbers = {f"{method}_instrument_rows": run().diagnostics["instrument_rows"] for method, run in runs.items()}
     numbers |= {"block_rows": block_rows, "constant_rows": block_rows, "constant_directions": ranks[1] - ranks[0]}
     numbers["correlation_rows"] = regressors.inputs.shape[1] * block_rows + (options.order or 1)
     return [{"quantity": quantity, "value": float(number), "n": 1} for quantity, number in numbers.items()]
-
-
-def _rank(inputs: np.ndarray, block_rows: int, tolerance: float) -> int:
-    """Rank of the Hankel matrix of inputs, less the means of its rows."""
-    hankel = block_hankel(inputs / inputs.std(axis=0).clip(1e-12), 0, block_rows, len(inputs) - block_rows + 1)
-    values = np.linalg.svd((hankel - hankel.mean(axis=1, keepdims=True)).T, compute_uv=False)
-    return int(np.sum(values > tolerance * values[0]))

@@ -31,7 +31,16 @@ PathLike = str | os.PathLike[str]
 TORQUES = ("net", "intrinsic", "reflex")
 SHOWN = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
-DIAGNOSTICS = {  # symbol and unit of each
+TRAJECTORY_SCORES = {
+    "nrmse": ("error of {}(·)", "%"),
+    "bias": ("bias of {}(·)", "%"),
+    "covered": ("covered by the band of {}(·)", "%"),
+    "rise": ("rise time of {}(·)", "s"),
+}
+SYMBOLS = {  # symbol and unit of each quantity
+    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("true", "measured")},
+    **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
+    **{f"{name}_error": (f"error of {QUANTITIES[name].symbol}", "%") for name in SETTINGS},
     "order": ("order", "1"),
     "passes": ("passes", "1"),
     "spectral_radius": ("spectral radius", "1"),
@@ -41,18 +50,6 @@ DIAGNOSTICS = {  # symbol and unit of each
     "unseen_cross_validation": ("net VAF, unseen", "%"),
     "cycles": ("cycles", "1"),
     "variation_p": ("p of the variation", "1"),
-}
-TRAJECTORY_SCORES = {
-    "nrmse": ("error of {}(·)", "%"),
-    "bias": ("bias of {}(·)", "%"),
-    "covered": ("covered by the band of {}(·)", "%"),
-    "rise": ("rise time of {}(·)", "s"),
-}
-SYMBOLS = {
-    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("true", "measured")},
-    **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
-    **{f"{name}_error": (f"error of {QUANTITIES[name].symbol}", "%") for name in SETTINGS},
-    **DIAGNOSTICS,
     **{
         f"{name}_{score}": (symbol.format(name), unit)
         for score, (symbol, unit) in TRAJECTORY_SCORES.items()
