@@ -46,7 +46,11 @@ def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[
             log.warning("trial %d is left out: %s", number, describe_error(error))
             continue
         if len(costs) < MEMORY_TRIALS:
-            cost |= {("megabytes", method): _peak_memory(run) / 1e6 for method, run in runs.items()}
+            for method, run in runs.items():
+                tracemalloc.start()
+                run()
+                cost["megabytes", method] = tracemalloc.get_traced_memory()[1] / 1e6  # the peak
+                tracemalloc.stop()
         costs.append(cost)
     if not costs:
         raise DataError("there is no trial that both methods identify: see the failures of the study.")
@@ -64,13 +68,8 @@ def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> tupl
     prepared = prepare(trial)
     runs: Runs = {}
     for method, model in models.items():
-        regressors = prepared.regressors(
-            delay=model.delay,
-            basis=model.basis or "chebyshev",
-            degree=model.degree,
-            identification_rate=model.identification_rate,
-            reference=model.reference,
-        )
+        chosen = {name: getattr(model, name) for name in ("delay", "degree", "identification_rate", "reference")}
+        regressors = prepared.regressors(basis=model.basis or "chebyshev", **chosen)
         arguments = subspace_arguments(model, regressors, method)
         runs[method] = partial(moesp, regressors.inputs, regressors.torque, reference=regressors.reference, **arguments)
     return runs, regressors
@@ -92,15 +91,6 @@ def _time_runs(runs: Runs) -> dict[str, float]:
             runs[method]()
             times[method].append(time.perf_counter() - start)
     return {method: statistics.median(values) for method, values in times.items()}
-
-
-def _peak_memory(run: Callable[[], Any]) -> int:
-    """Peak of the memory that a run allocates [bytes]."""
-    tracemalloc.start()
-    run()
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return peak
 
 
 def _count_rows(runs: Runs, options: MoespOptions, regressors: Regressors) -> list[dict[str, Any]]:

@@ -146,11 +146,9 @@ def _margins(values: pd.DataFrame) -> pd.Series:
     return pd.Series(confidence_margin(values.std(), values.count()), values.columns)
 
 
-def write_table(
-    table: pd.DataFrame, stem: str | PathLike[str], shown: pd.DataFrame, caption: str, *, overwrite: bool = False
-) -> None:
-    """Write a table as CSV, and what people read of it as Markdown with its caption."""
+def write_table(table: pd.DataFrame, stem: str | PathLike[str], shown: pd.DataFrame, caption: str) -> None:
+    """Write a table as CSV, and what people read of it as Markdown with its caption; both replace former ones."""
     stem = Path(stem)
-    write_csv(table, stem.with_name(stem.name + ".csv"), overwrite=overwrite)
-    with atomic_file(stem.with_name(stem.name + ".md"), overwrite=overwrite) as path:
+    write_csv(table, stem.with_name(stem.name + ".csv"), overwrite=True)
+    with atomic_file(stem.with_name(stem.name + ".md"), overwrite=True) as path:
         path.write_text(f"{shown.to_markdown(index=False)}\n\n{caption}\n", encoding="utf-8")

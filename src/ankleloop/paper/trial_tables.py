@@ -84,10 +84,9 @@ def as_table(rows: Sequence[Mapping[str, Any]], varied: Mapping[str, pa.DataType
 
 def save_table(table: pa.Table, path: PathLike, settings: str) -> None:
     """Write the table of a job with the hash of the settings that made it."""
+    table = table.replace_schema_metadata({HASH: settings})
     with atomic_file(path, overwrite=True) as partial:
-        parquet.write_table(
-            table.replace_schema_metadata({HASH: settings}), partial, compression="zstd", write_page_checksum=True
-        )
+        parquet.write_table(table, partial, compression="zstd", write_page_checksum=True)
 
 
 def read_hash(path: PathLike) -> str:
@@ -159,10 +158,8 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
             raise DataError(f"{path}: there is no column {name!r}; there are {', '.join(schema.names)}.")
     texts = [field.name for field in schema if pa.types.is_string(field.type)]
     with name_errors(path, "table of trials", REMEDY):
-        table = parquet.read_table(
-            path, columns=columns, read_dictionary=texts, page_checksum_verification=True, use_threads=False
-        )
-        return table.to_pandas(use_threads=False)
+        options = {"page_checksum_verification": True, "use_threads": False}
+        return parquet.read_table(path, columns=columns, read_dictionary=texts, **options).to_pandas(use_threads=False)
 
 
 def read_results(path: PathLike) -> tuple[pd.DataFrame, pd.DataFrame]:
