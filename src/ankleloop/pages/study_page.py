@@ -119,7 +119,7 @@ class StudyPage:
         """Show a table with its caption; `table` is written as CSV, and the cells as Markdown beside it."""
         note = f"{note} {MEANS}".strip()
         if table is not None:
-            write_table(table, self.table_stem, cells, f"{caption} {note} {self._conditions()}", overwrite=True)
+            write_table(table, self.table_stem, cells, f"{caption} {note} {self._conditions()}")
         display(HTML(render_table(cells)), Markdown(caption), self.fold(note))
 
     def _conditions(self) -> str:

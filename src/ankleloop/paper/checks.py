@@ -15,22 +15,9 @@ import pandas as pd
 import yaml
 from scipy import stats
 
+from ankleloop.paper import judgement
 from ankleloop.paper.captions import label_setting
-from ankleloop.paper.judgement import (
-    BY_CONSTRUCTION,
-    CONDITIONAL,
-    CONTRADICTION,
-    LEVEL,
-    NOT_REPRODUCED,
-    REPRODUCED,
-    Comparison,
-    Mean,
-    Measurement,
-    Quantity,
-    describe_result,
-    half_interval,
-    judge,
-)
+from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity, describe_result, half_interval, judge
 from ankleloop.simulation.settings import SimulationSettings
 
 # What Table 1 scores each torque against.
@@ -181,20 +168,20 @@ class Case:
 
         Our value is that of the comparison that decides, if none is given.
         """
-        judgement = judge(comparisons)
-        ours, decisive = ours or judgement.decisive.ours, judgement.decisive
+        judged = judge(comparisons)
+        ours, decisive = ours or judged.decisive.ours, judged.decisive
         listed = comparisons if len(comparisons) <= MOST_RESULTS else [decisive]
         reason = f"{what}: {', '.join(map(_describe, listed))}"
         if len(listed) < len(comparisons):
             reason += f" (of {len(comparisons)} results the decisive one)"
-        parts = [reason, remark, judgement.explanation]
-        has_condition = judgement.verdict == REPRODUCED and isinstance(self.claim["conditions"], str)
+        parts = [reason, remark, judged.explanation]
+        has_condition = judged.verdict == judgement.REPRODUCED and isinstance(self.claim["conditions"], str)
         return {
-            "verdict": CONDITIONAL if has_condition else judgement.verdict,
+            "verdict": judgement.CONDITIONAL if has_condition else judged.verdict,
             "ours": ours.value,
             "uncertainty": half_interval(ours),
             "difference": decisive.difference,
-            **dict(zip(("difference_low", "difference_high"), judgement.interval, strict=True)),
+            **dict(zip(("difference_low", "difference_high"), judged.interval, strict=True)),
             "reason": "; ".join(part.rstrip(".") for part in parts if part) + ".",
         }
 
@@ -208,9 +195,10 @@ def _describe(comparison: Comparison) -> str:
     return f"{text} ({(100.0 - ours) / (100.0 - paper):.2g} times the unexplained variance of the paper)"
 
 
-def state(value: float, expected: float, reason: str, *, otherwise: str = NOT_REPRODUCED) -> Row:
+def state(value: float, expected: float, reason: str, *, otherwise: str = judgement.NOT_REPRODUCED) -> Row:
     """Verdict on what no run can change: a count in the paper, or what follows from a definition."""
-    return {"verdict": BY_CONSTRUCTION if value == expected else otherwise, "ours": value, "reason": f"{reason}."}
+    verdict = judgement.BY_CONSTRUCTION if value == expected else otherwise
+    return {"verdict": verdict, "ours": value, "reason": f"{reason}."}
 
 
 def check_table_number(case: Case) -> Row:
@@ -234,10 +222,9 @@ def check_alike(case: Case, first: str, second: str, torques: Sequence[str]) -> 
 def check_cascade_net_good(case: Case) -> Row:
     """One pass of the parallel cascade gives a good net torque from poor parts."""
     net = case.vaf("table1", ONE_PASS, "net")
-    comparisons = [case.within("net torque", net, case.paper)]
-    for part in ("intrinsic", "reflex"):
-        lead = case.lead("table1", (ONE_PASS, "net"), (ONE_PASS, part))
-        comparisons.append(case.above(f"net less {part} torque", lead))
+    leads = {part: case.lead("table1", (ONE_PASS, "net"), (ONE_PASS, part)) for part in ("intrinsic", "reflex")}
+    comparisons = [case.above(f"net less {part} torque", lead) for part, lead in leads.items()]
+    comparisons.insert(0, case.within("net torque", net, case.paper))
     return case.compare("VAF [%]", comparisons, ours=net)
 
 
@@ -293,7 +280,7 @@ def bootstrap_rank_correlation(trials: Mapping[float, np.ndarray]) -> Measuremen
         return Measurement(value)
     draws = (values[rng.integers(values.size, size=(REPLICATES, values.size))] for values in trials.values())
     replicates = _rank_correlation(gains, np.column_stack([draw.mean(axis=1) for draw in draws]))
-    low, high = np.quantile(replicates, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    low, high = np.quantile(replicates, [(1 - judgement.LEVEL) / 2, (1 + judgement.LEVEL) / 2])
     return Measurement(value, float(min(low, value)), float(max(high, value)))
 
 
@@ -314,7 +301,7 @@ def check_figure4_cause(case: Case) -> Row:
 def check_figure4_count(case: Case) -> Row:
     """Number of gains from 10 to 30 in steps of 1."""
     count = len(case.levels("reflex_gain"))
-    return state(count, case.paper, f"gains from 10 to 30 in steps of 1 are {count}", otherwise=CONTRADICTION)
+    return state(count, case.paper, f"gains from 10 to 30 in steps of 1 are {count}", otherwise=judgement.CONTRADICTION)
 
 
 def check_eq17_gain(case: Case) -> Row:
@@ -354,7 +341,7 @@ def check_table2_text(case: Case) -> Row:
     difference = (table["paper"] - table["text"]).abs()
     pairs = [f"{row.torque} {row.paper:g} % and {row.text:g} %" for row in table[difference > 0].itertuples()]
     reason = f"table and text differ for the parallel cascade: {', '.join(pairs)}" if pairs else "they agree"
-    return state(float(difference.max()), case.paper, reason, otherwise=CONTRADICTION)
+    return state(float(difference.max()), case.paper, reason, otherwise=judgement.CONTRADICTION)
 
 
 def check_open_loop_methods_biased(case: Case) -> Row:

@@ -46,7 +46,11 @@ def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[
             log.warning("trial %d is left out: %s", number, describe_error(error))
             continue
         if len(costs) < MEMORY_TRIALS:
-            cost |= {("megabytes", method): _peak_memory(run) / 1e6 for method, run in runs.items()}
+            for method, run in runs.items():
+                tracemalloc.start()
+                run()
+                cost["megabytes", method] = tracemalloc.get_traced_memory()[1] / 1e6  # the peak
+                tracemalloc.stop()
         costs.append(cost)
     if not costs:
         raise DataError("there is no trial that both methods identify: see the failures of the study.")
@@ -64,13 +68,8 @@ def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> tupl
     prepared = prepare(trial)
     runs: Runs = {}
     for method, model in models.items():
-        regressors = prepared.regressors(
-            delay=model.delay,
-            basis=model.basis or "chebyshev",
-            degree=model.degree,
-            identification_rate=model.identification_rate,
-            reference=model.reference,
-        )
+        chosen = {name: getattr(model, name) for name in ("delay", "degree", "identification_rate", "reference")}
+        regressors = prepared.regressors(basis=model.basis or "chebyshev", **chosen)
         arguments = subspace_arguments(model, regressors, method)
         runs[method] = partial(moesp, regressors.inputs, regressors.torque, reference=regressors.reference, **arguments)
     return runs, regressors
@@ -94,31 +93,16 @@ def _time_runs(runs: Runs) -> dict[str, float]:
     return {method: statistics.median(values) for method, values in times.items()}
 
 
-def _peak_memory(run: Callable[[], Any]) -> int:
-    """Peak of the memory that a run allocates [bytes]."""
-    tracemalloc.start()
-    run()
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return peak
-
-
 def _count_rows(runs: Runs, options: MoespOptions, regressors: Regressors) -> list[dict[str, Any]]:
     """Rows of instruments, and what a constant in the basis would add: numbers that no trial changes."""
     block_rows = options.block_rows
     constant = np.ones((len(regressors.inputs), 1))
-    ranks = [
-        _rank(inputs, block_rows, options.rank_tolerance)
-        for inputs in (regressors.inputs, np.hstack([regressors.inputs, constant]))
-    ]
+    ranks = []
+    for inputs in (regressors.inputs, np.hstack([regressors.inputs, constant])):
+        hankel = block_hankel(inputs / inputs.std(axis=0).clip(1e-12), 0, block_rows, len(inputs) - block_rows + 1)
+        centred = hankel - hankel.mean(axis=1, keepdims=True)
+        ranks.append(int(np.linalg.matrix_rank(centred, rtol=options.rank_tolerance)))
     numbers = {f"{method}_instrument_rows": run().diagnostics["instrument_rows"] for method, run in runs.items()}
     numbers |= {"block_rows": block_rows, "constant_rows": block_rows, "constant_directions": ranks[1] - ranks[0]}
     numbers["correlation_rows"] = regressors.inputs.shape[1] * block_rows + (options.order or 1)
     return [{"quantity": quantity, "value": float(number), "n": 1} for quantity, number in numbers.items()]
-
-
-def _rank(inputs: np.ndarray, block_rows: int, tolerance: float) -> int:
-    """Rank of the Hankel matrix of inputs, less the means of its rows."""
-    hankel = block_hankel(inputs / inputs.std(axis=0).clip(1e-12), 0, block_rows, len(inputs) - block_rows + 1)
-    values = np.linalg.svd((hankel - hankel.mean(axis=1, keepdims=True)).T, compute_uv=False)
-    return int(np.sum(values > tolerance * values[0]))

@@ -171,13 +171,10 @@ def judge(comparisons: Sequence[Comparison]) -> Judgement:
     failures = [part for part in comparisons if part.verdict(simultaneous) == NOT_REPRODUCED]
     if not unsure:
         claimed = [comparison for comparison in comparisons if not comparison.control]
-        return _decide(REPRODUCED, claimed or comparisons, LEVEL)
-    if failures:
-        return _decide(NOT_REPRODUCED, failures, simultaneous)
-    at_tolerance = all(part.verdict(LEVEL) == AT_TOLERANCE for part in unsure)
-    return _decide(AT_TOLERANCE if at_tolerance else OPEN, unsure, simultaneous)
-
-
-def _decide(verdict: str, comparisons: Sequence[Comparison], level: float) -> Judgement:
-    """The judgement by the comparison with the least room."""
-    return Judgement(verdict, min(comparisons, key=lambda part: part.room(level)), level)
+        verdict, deciding, level = REPRODUCED, claimed or comparisons, LEVEL
+    elif failures:
+        verdict, deciding, level = NOT_REPRODUCED, failures, simultaneous
+    else:
+        at_tolerance = all(part.verdict(LEVEL) == AT_TOLERANCE for part in unsure)
+        verdict, deciding, level = AT_TOLERANCE if at_tolerance else OPEN, unsure, simultaneous
+    return Judgement(verdict, min(deciding, key=lambda part: part.room(level)), level)

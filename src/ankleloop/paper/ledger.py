@@ -10,28 +10,20 @@ from typing import Any
 import pandas as pd
 import yaml
 
+from ankleloop.paper import judgement
 from ankleloop.paper.checks import CLAIM_CHECKS, Case, MissingEvidence, Row, StudyResults
-from ankleloop.paper.judgement import (
-    AT_TOLERANCE,
-    BY_CONSTRUCTION,
-    CONDITIONAL,
-    CONTRADICTION,
-    NOT_REPRODUCED,
-    OPEN,
-    REPRODUCED,
-    format_result,
-)
+from ankleloop.paper.judgement import format_result
 
 VERDICTS = {
-    REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
-    CONDITIONAL: "the same, with something assumed that the paper does not give",
-    AT_TOLERANCE: "the limit lies in a narrow interval, our value within a fifth of the tolerance from it: no number "
-    "of trials that a run has decides",
-    NOT_REPRODUCED: "the whole interval lies outside; if a claim needs several comparisons, that of one of them, all "
-    "intervals taken to hold together with 95 %",
-    OPEN: "the interval reaches across the limit, there is none (a single trial), or a result is missing",
-    CONTRADICTION: "the paper says two things; no run can change that",
-    BY_CONSTRUCTION: "it follows from a definition; no run can change that",
+    judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
+    judgement.CONDITIONAL: "the same, with something assumed that the paper does not give",
+    judgement.AT_TOLERANCE: "the limit lies in a narrow interval, our value within a fifth of the tolerance from it: "
+    "no number of trials that a run has decides",
+    judgement.NOT_REPRODUCED: "the whole interval lies outside; if a claim needs several comparisons, that of one of "
+    "them, all intervals taken to hold together with 95 %",
+    judgement.OPEN: "the interval reaches across the limit, there is none (a single trial), or a result is missing",
+    judgement.CONTRADICTION: "the paper says two things; no run can change that",
+    judgement.BY_CONSTRUCTION: "it follows from a definition; no run can change that",
 }
 PAPER, FINDING = "paper", "finding"  # whose statement a row is: the paper's or ours
 SECTIONS = {"table1": "IV, Table 1", "table2": "V, Table 2"}
@@ -84,14 +76,14 @@ def _check(case: Case) -> Row:
     try:
         return CLAIM_CHECKS[case.claim["check"]](case)
     except MissingEvidence as missing:
-        return {"verdict": OPEN, "reason": str(missing)}
+        return {"verdict": judgement.OPEN, "reason": str(missing)}
 
 
 def count_held(ledger: pd.DataFrame) -> str:
     """How many numbers and claims of the paper hold, of those that can be decided."""
     verdicts = ledger.loc[ledger["source"] == PAPER, "verdict"]
-    held = int(verdicts.isin([REPRODUCED, CONDITIONAL]).sum())
-    decided = held + int((verdicts == NOT_REPRODUCED).sum())
+    held = int(verdicts.isin([judgement.REPRODUCED, judgement.CONDITIONAL]).sum())
+    decided = held + int((verdicts == judgement.NOT_REPRODUCED).sum())
     return f"{held} of the {decided} numbers and claims of the paper that can be decided hold"
 
 
@@ -113,6 +105,7 @@ def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
     """The ledger as a table for people."""
     rows = []
     for row in ledger.itertuples():
+        condition = f" Condition: {row.conditions}." if row.verdict == judgement.CONDITIONAL else ""
         difference = format_result(row.difference, spec="+.3g")
         if pd.notna(row.difference_low):
             difference += f" ({row.difference_low:+.3g} … {row.difference_high:+.3g})"
@@ -120,8 +113,7 @@ def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
             {name: getattr(row, name) for name in ("id", "section", "statement", "unit")}
             | {"paper": format_result(row.paper), "ours": format_result(row.ours, row.uncertainty)}
             | {"difference": difference, "tolerance": format_result(row.tolerance, spec="g")}
-            | {"verdict": row.verdict}
-            | {"reason": row.reason + (f" Condition: {row.conditions}." if row.verdict == CONDITIONAL else "")}
+            | {"verdict": row.verdict, "reason": row.reason + condition}
         )
     return pd.DataFrame(rows)
 

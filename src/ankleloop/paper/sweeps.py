@@ -133,10 +133,9 @@ class SweepStudy:
         series = summary["method"].map(self.labels).fillna(self.difference)
         is_difference = ~summary["method"].isin(list(self.labels))
         keys = list(zip(summary["quantity"], is_difference, strict=True))
-        table = summary.assign(
-            series=series, panel=[self.panels[key].label if key in self.panels else "" for key in keys]
-        )
-        table = table[table["panel"] != ""].rename(columns={"mean": "value"})
+        labels = [self.panels[key].label if key in self.panels else "" for key in keys]
+        table = summary.assign(series=series, panel=labels).rename(columns={"mean": "value"})
+        table = table[table["panel"] != ""]
         faults, has_marks = table["failures"] + table["warnings"], ~table["quantity"].isin(FAULT_SHARES)
         failed = has_marks & (table["failures"] == table["trials"])
         marked = has_marks & (faults > 0) & (faults >= FAULT_SHARE * table["trials"]) & ~failed

@@ -81,26 +81,21 @@ def compare_with_bound(
     truths: Mapping[str, Mapping[str, float]],
     bounds: Mapping[tuple[str, str], Mapping[str, float]],
 ) -> pd.DataFrame:
-    """Errors of estimated parameters over trials, beside the Cramér-Rao bound."""
+    """Errors of parameters over trials, their size over the Cramér-Rao bound, and intervals that hold the truth [%]."""
     counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
     rows = []
     for (point, method), part in details.groupby(["point", "method"], sort=False):
         estimated = details[details["method"] == method].dropna(axis="columns", how="all")  # at some point
         for name in (name for name in truths[point] if name in estimated):
-            row = {"point": point, "method": method, "parameter": name, "truth": truths[point][name]}
-            row |= _measure_errors(part, name, truths[point][name], bounds[point, method].get(name, np.nan))
+            truth, bound, values = truths[point][name], bounds[point, method].get(name, np.nan), part[name].dropna()
+            rmse, mean = float(np.sqrt(((values - truth) ** 2).mean())), values.mean()
+            ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().to_numpy(dtype=float)
+            covered = 100.0 * ((ends[:, 0] <= truth) & (truth <= ends[:, 1])).mean() if len(ends) else np.nan
+            row = {"point": point, "method": method, "parameter": name, "truth": truth}
+            row |= {"mean": mean, "bias": mean - truth, "sd": values.std(), "rmse": rmse, "n": len(values)}
+            row |= {"bound": bound, "ratio": rmse / bound if bound > 0 else np.nan, "covered": covered}
             rows.append(row | counts.loc[(point, method)].to_dict())
     return pd.DataFrame(rows)
-
-
-def _measure_errors(part: pd.DataFrame, name: str, truth: float, bound: float) -> dict[str, float]:
-    """Errors over trials, their size over the bound, and the share of the intervals that hold the truth [%]."""
-    values = part[name].dropna()
-    rmse = float(np.sqrt(((values - truth) ** 2).mean()))
-    row = {"mean": values.mean(), "bias": values.mean() - truth, "sd": values.std(), "rmse": rmse, "n": len(values)}
-    ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().to_numpy(dtype=float)
-    covered = 100.0 * ((ends[:, 0] <= truth) & (truth <= ends[:, 1])).mean() if len(ends) else np.nan
-    return row | {"bound": bound, "ratio": rmse / bound if bound > 0 else np.nan, "covered": covered}
 
 
 def tabulate_omissions(
@@ -151,11 +146,9 @@ def _margins(values: pd.DataFrame) -> pd.Series:
     return pd.Series(confidence_margin(values.std(), values.count()), values.columns)
 
 
-def write_table(
-    table: pd.DataFrame, stem: str | PathLike[str], shown: pd.DataFrame, caption: str, *, overwrite: bool = False
-) -> None:
-    """Write a table as CSV, and what people read of it as Markdown with its caption."""
+def write_table(table: pd.DataFrame, stem: str | PathLike[str], shown: pd.DataFrame, caption: str) -> None:
+    """Write a table as CSV, and what people read of it as Markdown with its caption; both replace former ones."""
     stem = Path(stem)
-    write_csv(table, stem.with_name(stem.name + ".csv"), overwrite=overwrite)
-    with atomic_file(stem.with_name(stem.name + ".md"), overwrite=overwrite) as path:
+    write_csv(table, stem.with_name(stem.name + ".csv"), overwrite=True)
+    with atomic_file(stem.with_name(stem.name + ".md"), overwrite=True) as path:
         path.write_text(f"{shown.to_markdown(index=False)}\n\n{caption}\n", encoding="utf-8")

@@ -31,7 +31,16 @@ PathLike = str | os.PathLike[str]
 TORQUES = ("net", "intrinsic", "reflex")
 SHOWN = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
-DIAGNOSTICS = {  # symbol and unit of each
+TRAJECTORY_SCORES = {
+    "nrmse": ("error of {}(·)", "%"),
+    "bias": ("bias of {}(·)", "%"),
+    "covered": ("covered by the band of {}(·)", "%"),
+    "rise": ("rise time of {}(·)", "s"),
+}
+SYMBOLS = {  # symbol and unit of each quantity
+    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("true", "measured")},
+    **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
+    **{f"{name}_error": (f"error of {QUANTITIES[name].symbol}", "%") for name in SETTINGS},
     "order": ("order", "1"),
     "passes": ("passes", "1"),
     "spectral_radius": ("spectral radius", "1"),
@@ -41,18 +50,6 @@ DIAGNOSTICS = {  # symbol and unit of each
     "unseen_cross_validation": ("net VAF, unseen", "%"),
     "cycles": ("cycles", "1"),
     "variation_p": ("p of the variation", "1"),
-}
-TRAJECTORY_SCORES = {
-    "nrmse": ("error of {}(·)", "%"),
-    "bias": ("bias of {}(·)", "%"),
-    "covered": ("covered by the band of {}(·)", "%"),
-    "rise": ("rise time of {}(·)", "s"),
-}
-SYMBOLS = {
-    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("true", "measured")},
-    **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
-    **{f"{name}_error": (f"error of {QUANTITIES[name].symbol}", "%") for name in SETTINGS},
-    **DIAGNOSTICS,
     **{
         f"{name}_{score}": (symbol.format(name), unit)
         for score, (symbol, unit) in TRAJECTORY_SCORES.items()
@@ -87,10 +84,9 @@ def as_table(rows: Sequence[Mapping[str, Any]], varied: Mapping[str, pa.DataType
 
 def save_table(table: pa.Table, path: PathLike, settings: str) -> None:
     """Write the table of a job with the hash of the settings that made it."""
+    table = table.replace_schema_metadata({HASH: settings})
     with atomic_file(path, overwrite=True) as partial:
-        parquet.write_table(
-            table.replace_schema_metadata({HASH: settings}), partial, compression="zstd", write_page_checksum=True
-        )
+        parquet.write_table(table, partial, compression="zstd", write_page_checksum=True)
 
 
 def read_hash(path: PathLike) -> str:
@@ -162,10 +158,8 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
             raise DataError(f"{path}: there is no column {name!r}; there are {', '.join(schema.names)}.")
     texts = [field.name for field in schema if pa.types.is_string(field.type)]
     with name_errors(path, "table of trials", REMEDY):
-        table = parquet.read_table(
-            path, columns=columns, read_dictionary=texts, page_checksum_verification=True, use_threads=False
-        )
-        return table.to_pandas(use_threads=False)
+        options = {"page_checksum_verification": True, "use_threads": False}
+        return parquet.read_table(path, columns=columns, read_dictionary=texts, **options).to_pandas(use_threads=False)
 
 
 def read_results(path: PathLike) -> tuple[pd.DataFrame, pd.DataFrame]:

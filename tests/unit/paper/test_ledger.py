@@ -6,8 +6,8 @@ import pytest
 from synthetic_results import CASCADES, CLAIMS, FINDINGS, MEASUREMENTS, PAPER, POINTS, TABLES, Studies, build_ledger
 
 from ankleloop.paper.checks import CLAIM_CHECKS, parse_settings
-from ankleloop.paper.judgement import BY_CONSTRUCTION, CONTRADICTION, NOT_REPRODUCED, OPEN
-from ankleloop.paper.ledger import CONDITIONAL, VERDICTS
+from ankleloop.paper.judgement import BY_CONSTRUCTION, CONDITIONAL, CONTRADICTION, NOT_REPRODUCED, OPEN
+from ankleloop.paper.ledger import VERDICTS
 
 ROWS = {name: [f"{name}/{n.method}/{n.torque}" for n in TABLES[name].itertuples()] for name in TABLES}
 CHECKS = {row.check: row.id for row in [*CLAIMS.itertuples(), *FINDINGS.itertuples()]}
