@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import permutations
 from typing import Any, Literal
 
@@ -14,6 +14,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.options import check_choice, check_flag, check_number, show_value
 from ankleloop.signals.vaf import vaf, vaf_with_interval
 
@@ -111,12 +112,11 @@ def _targets(
 ) -> list[tuple[str, str, np.ndarray]]:
     """Signals that the torques of an estimate are scored against: torque, measured or true, signal."""
     measured = trial.channel_at("torque", time, rate)
-    targets = [("net", "measured", measured)]
     if use_truths and {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
         truths = {part: trial.channel_at(f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
-        targets.append(("net", "true", truths["intrinsic"] + truths["reflex"]))
-        return targets + [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
-    return targets + [(part, "measured", measured) for part in ("intrinsic", "reflex")]
+        parts = [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
+        return [("net", "measured", measured), ("net", "true", truths["intrinsic"] + truths["reflex"]), *parts]
+    return [(part, "measured", measured) for part in TORQUES]
 
 
 def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
@@ -125,8 +125,8 @@ def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
     Decimation removes more of the noise than of the torque, so this ratio is above that of the recorded signal.
     """
     inside, time, rate = _scored_samples(estimate, TRIM)
-    parts = (trial.channel_at(f"torque_{part}", time, rate)[inside] for part in ("intrinsic", "reflex", "noise"))
-    intrinsic, reflex, noise = parts
+    parts = ("intrinsic", "reflex", "noise")
+    intrinsic, reflex, noise = (trial.channel_at(f"torque_{part}", time, rate)[inside] for part in parts)
     return float(10 * np.log10(np.var(intrinsic + reflex) / np.var(noise)))
 
 
@@ -169,11 +169,6 @@ def _pole_error(poles: np.ndarray, estimate: Estimate, settings: Mapping[str, An
     if poles.size != truth.size:
         return {}
     return {"pole_error": min(float(np.abs(poles - order).max()) for order in map(np.array, permutations(truth)))}
-
-
-def summarise(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Mean and standard deviation of the VAF over trials."""
-    return scores.groupby(list(by), sort=False)["vaf"].agg(mean="mean", sd="std", n="count").reset_index()
 
 
 def true_trajectories(trial: xr.Dataset | PreparedTrial, trajectories: xr.Dataset | None = None) -> xr.Dataset | None:
