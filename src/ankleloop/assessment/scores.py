@@ -15,6 +15,7 @@ from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import TORQUES
+from ankleloop.joint.time_varying_course import ENDS
 from ankleloop.options import check_choice, check_flag, check_number, show_value
 from ankleloop.signals.vaf import vaf, vaf_with_interval
 
@@ -210,26 +211,23 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
     values = estimate.trajectories if estimate.trajectories is not None else _list_parameters(estimate)
     row: dict[str, float] = {}
     for name, truth in truths.items():
-        names = {end: f"{name}{end}" for end in ("", "_low", "_high") if f"{name}{end}" in values}
-        curves = {end: np.broadcast_to(values[column], places) for end, column in names.items()}
-        if "" in curves:
-            row |= {f"{name}_{score}": value for score, value in _score(truth.values, curves).items()}
-            rise = _mean_rise(truth, curves[""], prepared.trial.attrs)
+        curves = [np.broadcast_to(values[f"{name}{end}"], places) for end in ENDS if f"{name}{end}" in values]
+        if curves:
+            row |= {f"{name}_{score}": value for score, value in _score(truth.values, *curves).items()}
+            rise = _mean_rise(truth, curves[0], prepared.trial.attrs)
             row |= {f"{name}_rise": rise} if np.isfinite(rise) else {}
     return row
 
 
-def _score(truth: np.ndarray, curves: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Error, bias and coverage [%] of a trajectory with its band."""
-    shown = np.isfinite(curves[""])
-    mean = float(truth.mean())
+def _score(truth: np.ndarray, curve: np.ndarray, *band: np.ndarray) -> dict[str, float]:
+    """Error, bias and coverage [%] of a trajectory, with the ends of its band where it has one."""
+    shown, mean = np.isfinite(curve), float(truth.mean())
     if not shown.any() or mean == 0:
         return {}
-    error = (curves[""] - truth)[shown]
+    error = (curve - truth)[shown]
     row = {"nrmse": 100.0 * float(np.sqrt(np.mean(error**2))) / mean, "bias": 100.0 * float(error.mean()) / mean}
-    if "_low" in curves and np.isfinite(curves["_low"][shown]).all():
-        held = (curves["_low"] <= truth) & (truth <= curves["_high"])
-        row["covered"] = 100.0 * float(np.mean(held[shown]))
+    if band and np.isfinite(band[0][shown]).all():
+        row["covered"] = 100.0 * float(np.mean(((band[0] <= truth) & (truth <= band[1]))[shown]))
     return row
 
 

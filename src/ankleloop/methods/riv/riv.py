@@ -110,10 +110,8 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
     inputs = options.model_dump(include={*INPUTS, "reference"}) | {"basis": options.basis or "rectifier"}
     inputs["delay"] = NOMINAL_DELAY if options.delay is None else options.delay
-    regressors = trial.regressors(**inputs)
-    equations = Equations(trial, regressors, options.weighting)
-    start = equations.find_start(options.order, estimate_delay=estimate_delay)
-    return solve(equations, start)
+    equations = Equations(trial, trial.regressors(**inputs), options.weighting)
+    return solve(equations, equations.find_start(options.order, estimate_delay=estimate_delay))
 
 
 def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]) -> Estimate:
