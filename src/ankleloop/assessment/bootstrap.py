@@ -162,7 +162,10 @@ def block_bootstrap(
     rows: list[dict[str, float]] = []
     failed, reason = 0, ""
     for _ in range(repetitions):
-        resampled = _change_torque(original, time, rate, _draw_blocks(rng, residual, length) - residual)
+        # Blocks of the residual, whose end continues at its start.
+        starts = rng.integers(0, residual.size, -(-residual.size // length))
+        blocks = residual[(starts[:, None] + np.arange(length)).ravel()[: residual.size] % residual.size]
+        resampled = _change_torque(original, time, rate, blocks - blocks.mean() - residual)
         try:
             row = _sample_row(resampled, identify(resampled, method, **options))
             if not np.isfinite([row.get(name, np.nan) for name in names]).all():
@@ -176,13 +179,6 @@ def block_bootstrap(
             f"{LEAST_SHARE:.0%} of them. The last one failed with: {reason}"
         )
     return Bootstrap(estimate, pd.DataFrame(rows), failed)
-
-
-def _draw_blocks(rng: np.random.Generator, residual: np.ndarray, length: int) -> np.ndarray:
-    """Join blocks drawn with replacement from a residual whose end continues at its start."""
-    starts = rng.integers(0, residual.size, -(-residual.size // length))
-    blocks = residual[(starts[:, None] + np.arange(length)).ravel()[: residual.size] % residual.size]
-    return blocks - blocks.mean()
 
 
 def _change_torque(trial: PreparedTrial, time: np.ndarray, rate: float, change: np.ndarray) -> PreparedTrial:

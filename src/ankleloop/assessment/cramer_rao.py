@@ -324,8 +324,7 @@ def linearise(
     clean = prepare(_simulate_clean(seed, settings))
     grid = clean.grid(rate, settings.delay)
     course = make_course(clean, grid, *COURSES[str(settings.variation)])
-    k, b, g = (Splines(count, course.periodic) for count in knots)
-    bases = Bases((k, b, g, CONSTANT))
+    bases = Bases([*(Splines(count, course.periodic) for count in knots), CONSTANT])
     equations = TimeVaryingEquations(clean, grid, course, "position", bases, settings.delay, "noise")
     linear = np.zeros(bases.size)  # without an inertia, of which nothing else depends
     for name, splines, block in zip(TRAJECTORY_TRUTHS.values(), bases.all, bases.blocks, strict=False):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import permutations
 from typing import Any, Literal
 
@@ -14,6 +14,8 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.regressors import TORQUES
+from ankleloop.joint.time_varying_course import ENDS
 from ankleloop.options import check_choice, check_flag, check_number, show_value
 from ankleloop.signals.vaf import vaf, vaf_with_interval
 
@@ -111,12 +113,11 @@ def _targets(
 ) -> list[tuple[str, str, np.ndarray]]:
     """Signals that the torques of an estimate are scored against: torque, measured or true, signal."""
     measured = trial.channel_at("torque", time, rate)
-    targets = [("net", "measured", measured)]
     if use_truths and {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
         truths = {part: trial.channel_at(f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
-        targets.append(("net", "true", truths["intrinsic"] + truths["reflex"]))
-        return targets + [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
-    return targets + [(part, "measured", measured) for part in ("intrinsic", "reflex")]
+        parts = [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
+        return [("net", "measured", measured), ("net", "true", truths["intrinsic"] + truths["reflex"]), *parts]
+    return [(part, "measured", measured) for part in TORQUES]
 
 
 def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
@@ -125,8 +126,8 @@ def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
     Decimation removes more of the noise than of the torque, so this ratio is above that of the recorded signal.
     """
     inside, time, rate = _scored_samples(estimate, TRIM)
-    parts = (trial.channel_at(f"torque_{part}", time, rate)[inside] for part in ("intrinsic", "reflex", "noise"))
-    intrinsic, reflex, noise = parts
+    parts = ("intrinsic", "reflex", "noise")
+    intrinsic, reflex, noise = (trial.channel_at(f"torque_{part}", time, rate)[inside] for part in parts)
     return float(10 * np.log10(np.var(intrinsic + reflex) / np.var(noise)))
 
 
@@ -171,11 +172,6 @@ def _pole_error(poles: np.ndarray, estimate: Estimate, settings: Mapping[str, An
     return {"pole_error": min(float(np.abs(poles - order).max()) for order in map(np.array, permutations(truth)))}
 
 
-def summarise(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Mean and standard deviation of the VAF over trials."""
-    return scores.groupby(list(by), sort=False)["vaf"].agg(mean="mean", sd="std", n="count").reset_index()
-
-
 def true_trajectories(trial: xr.Dataset | PreparedTrial, trajectories: xr.Dataset | None = None) -> xr.Dataset | None:
     """True K, B and G of a simulated trial over what they vary with."""
     prepared = prepare(trial)
@@ -215,26 +211,23 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
     values = estimate.trajectories if estimate.trajectories is not None else _list_parameters(estimate)
     row: dict[str, float] = {}
     for name, truth in truths.items():
-        names = {end: f"{name}{end}" for end in ("", "_low", "_high") if f"{name}{end}" in values}
-        curves = {end: np.broadcast_to(values[column], places) for end, column in names.items()}
-        if "" in curves:
-            row |= {f"{name}_{score}": value for score, value in _score(truth.values, curves).items()}
-            rise = _mean_rise(truth, curves[""], prepared.trial.attrs)
+        curves = [np.broadcast_to(values[f"{name}{end}"], places) for end in ENDS if f"{name}{end}" in values]
+        if curves:
+            row |= {f"{name}_{score}": value for score, value in _score(truth.values, *curves).items()}
+            rise = _mean_rise(truth, curves[0], prepared.trial.attrs)
             row |= {f"{name}_rise": rise} if np.isfinite(rise) else {}
     return row
 
 
-def _score(truth: np.ndarray, curves: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Error, bias and coverage [%] of a trajectory with its band."""
-    shown = np.isfinite(curves[""])
-    mean = float(truth.mean())
+def _score(truth: np.ndarray, curve: np.ndarray, *band: np.ndarray) -> dict[str, float]:
+    """Error, bias and coverage [%] of a trajectory, with the ends of its band where it has one."""
+    shown, mean = np.isfinite(curve), float(truth.mean())
     if not shown.any() or mean == 0:
         return {}
-    error = (curves[""] - truth)[shown]
+    error = (curve - truth)[shown]
     row = {"nrmse": 100.0 * float(np.sqrt(np.mean(error**2))) / mean, "bias": 100.0 * float(error.mean()) / mean}
-    if "_low" in curves and np.isfinite(curves["_low"][shown]).all():
-        held = (curves["_low"] <= truth) & (truth <= curves["_high"])
-        row["covered"] = 100.0 * float(np.mean(held[shown]))
+    if band and np.isfinite(band[0][shown]).all():
+        row["covered"] = 100.0 * float(np.mean(((band[0] <= truth) & (truth <= band[1]))[shown]))
     return row
 
 

@@ -214,19 +214,14 @@ def trajectory_dataset(
             attributes = {"units": QUANTITIES[name].unit, "long_name": text.format(QUANTITIES[name].name)}
             variables[name + end] = (dimension, values[name + end], attributes)
     unit, long_name = COORDINATES[dimension]
-    attributes = {
-        "units": schedule.get("variable_unit") or unit,
-        "long_name": schedule.get("variable") or long_name,
-    }
+    attributes = {"units": schedule.get("variable_unit") or unit, "long_name": schedule.get("variable") or long_name}
     stated = {name: text for name, text in schedule.items() if text}
     return xr.Dataset(variables, {dimension: (dimension, coordinate, attributes)}, stated)
 
 
 def read_trajectories(fields: Fields) -> xr.Dataset:
     """Trajectories whose values a file holds."""
-    dimension = next((name for name in COORDINATES if name in fields.values), None)
-    if dimension is None:
-        raise DataError(f"{fields.source}: there is no coordinate of the trajectories: the file is damaged.")
+    dimension = next((name for name in COORDINATES if name in fields.values), "time")
     coordinate = fields.array(dimension)
     names = [name + end for name in NAMES for end in ENDS if name != "I" or name in fields.values]
     values = {name: fields.array(name, coordinate.size, finite=False) for name in names}

@@ -130,10 +130,8 @@ class _Chunks:
         """What the identified samples from `start` to `stop` are made of."""
         factor, first, _ = self.grid
         after = recording_margins(self.record.rate, factor, self.options.delay)[1]
-        channels = ["position", "torque", *filter(None, [self.reference])]
-        return PreparedTrial(
-            self.record.read(factor * start, factor * (stop - 1) + first + after + 1, channels), validated=True
-        )
+        channels, last = ["position", "torque", *filter(None, [self.reference])], factor * (stop - 1) + first + after
+        return PreparedTrial(self.record.read(factor * start, last + 1, channels), validated=True)
 
     def check(self) -> list[str]:
         """Warnings about the data (`ankleloop.checks.data.check_data`), in parts that do not depend on chunks.

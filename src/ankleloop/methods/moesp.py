@@ -159,9 +159,8 @@ def identify_moesp(
 def subspace_arguments(options: MoespModelOptions, regressors: Regressors, member: str) -> dict[str, Any]:
     """Arguments of `ankleloop.subspace.moesp` beside the data."""
     instruments, projection = MEMBERS[member]
-    same = {"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}
     return {
-        **options.model_dump(include=same),
+        **options.model_dump(include={"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}),
         "instruments": instruments,
         "projection": options.projection or projection,
         "dt": 1.0 / options.identification_rate,

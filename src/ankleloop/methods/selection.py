@@ -145,14 +145,11 @@ def check_selection(
 def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any]) -> list[Half]:
     time, rate = record["time"].values, float(record.attrs["sampling_rate"])
     edges = np.linspace(time[0], time[-1] + 1.0 / rate, 3)
-    shortest = 2.0 * SETTLING + SEGMENT
-    if edges[1] - edges[0] < shortest:
-        duration = edges[-1] - edges[0]
-        raise DataError(
-            f"the record of {duration:.3g} s is too short: a selection needs {2 * shortest:g} s. Record longer."
-        )
-    first, second = (prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges))
-    pairs = ((second, first), (first, second))
+    duration, least = edges[2] - edges[0], 2.0 * (2.0 * SETTLING + SEGMENT)
+    if duration < least:
+        raise DataError(f"the record of {duration:.3g} s is too short: a selection needs {least:g} s. Record longer.")
+    halves = [prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges)]
+    pairs = zip(halves[::-1], halves, strict=True)
     return [(fit, test, None if reference is None else _instruments(test, reference, inputs)) for fit, test in pairs]
 
 

@@ -28,10 +28,7 @@ EFFECTS = {
     "lag": ("a torque recorded {:.2g} ms {} the position", "record both through equal filters"),
     "high-pass": ("a high-pass of {:.2g} Hz in the torque", "record without AC coupling or removal of drift"),
     "friction": ("a friction of {:.2g} N·m", "measure the friction of the bearing, and subtract it"),
-    "direction": (
-        "a reflex gain of {:.3g} N·m·s/rad in the other direction",
-        "turn all signs round if they are reversed",
-    ),
+    "direction": ("a reflex gain of {:.3g} N·m·s/rad in the other direction", "turn all signs if they are reversed"),
     "compression": ("a torque that is flat where it is large", "widen the range of the torque sensor"),
 }
 FACTORS = {"delay": 1e3, "lag": 1e3, "high-pass": 0.5 / np.pi}  # to the unit of this text
@@ -124,9 +121,8 @@ def _free_effect(effect: str, solution: Search) -> Alternative:
     for number in range(1 if effect == "compression" else ROUNDS):  # a cube is but the direction of a saturation
         rows = _rows(effect, freed.point, origin)
         value += _step(freed, *rows)[0] if number else step
-        equations = copy(origin)
-        shifted = origin.torque * np.exp(origin.band.s * value) if effect == "lag" else origin.torque - value * rows[0]
-        equations.torque = shifted
+        equations, lead = copy(origin), np.exp(origin.band.s * value)
+        equations.torque = origin.torque * lead if effect == "lag" else origin.torque - value * rows[0]
         freed = solve(equations, freed.point.parameters)
     return replace(found, value=value, shifts=compute_shifts(solution.point.values, freed.point.values))
 

@@ -110,16 +110,13 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
     inputs = options.model_dump(include={*INPUTS, "reference"}) | {"basis": options.basis or "rectifier"}
     inputs["delay"] = NOMINAL_DELAY if options.delay is None else options.delay
-    regressors = trial.regressors(**inputs)
-    equations = Equations(trial, regressors, options.weighting)
-    start = equations.find_start(options.order, estimate_delay=estimate_delay)
-    return solve(equations, start)
+    equations = Equations(trial, trial.regressors(**inputs), options.weighting)
+    return solve(equations, equations.find_start(options.order, estimate_delay=estimate_delay))
 
 
 def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]) -> Estimate:
     """Torques, physical parameters, and their intervals where the search has converged."""
-    point, regressors = solution.point, solution.equations.regressors
-    parameters, values = point.parameters, point.values
+    point, parameters, values = solution.point, solution.point.parameters, solution.point.values
     errors: dict[str, float] = {}
     intervals: dict[str, tuple[float, float]] = {}
     description: dict[str, Any] = {"intervals": None}
@@ -127,11 +124,11 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
         covariance, quantile, description = choose_covariance(point, solution.free, options.intervals)
         deviations = estimate_deviations(point, covariance, solution.free)
         errors, intervals = estimate_intervals(values, deviations, quantile)
-    inputs = ModelInputs.of(regressors, values["delay"])
+    inputs = ModelInputs.of(solution.equations.regressors, values["delay"])
     model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
     return Estimate(
         method="riv",
-        torque=model.simulate(trial, inputs.regressors(trial) if parameters.delays else regressors),
+        torque=model.predict(trial),
         matrices=model.matrices,
         stiffness={name: values.pop(name) for name in "KBI"},
         reflex=values,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,7 +44,7 @@ class Motion:
 class Bases:
     """Splines of K, B, G and I; those of I are `CONSTANT` where it does not vary."""
 
-    def __init__(self, splines: tuple[Splines, Splines, Splines, Splines]) -> None:
+    def __init__(self, splines: Sequence[Splines]) -> None:
         self.all = splines
         k, b, g, i = (part.size for part in splines)
         self.names = "KBG" if i == 1 else "KBGI"  # of those that vary
@@ -93,7 +93,7 @@ class TimeVaryingEquations:
         delay: float,
         weighting: str,
     ) -> None:
-        self.trial, self.grid, self.course, self.reference_name = trial, grid, course, reference
+        self.grid, self.course, self.reference_name = grid, course, reference
         self.bases, self.weighting, self.rows = bases, weighting, course.rows
         self.rate = trial.rate / grid.factor  # of the decimated samples [Hz]
         # Length of the padded records that are transformed, and the Laplace variable at their frequencies [rad/s].
@@ -119,17 +119,13 @@ class TimeVaryingEquations:
         k, b, self._gain, i = (splines(course.place).T for splines in bases.all)
         # Weights of the splines of K, B, G and I in their means over the record.
         self.mean_weights = [rows[:, self.rows].mean(axis=1) for rows in (k, b, self._gain, i)]
-        self.measured = self._measure()
+        signals = np.stack([self.position - self.slow, *trial.motion(grid)[1:]])
+        self.measured = Motion(signals, lambda delay: decimate(np.maximum(0.0, trial.velocity(delay)), *grid))
         self.predicted = self._predict()
         for motion in {self.measured, self.predicted}:
             position, velocity, acceleration = motion.signals
             motion.spectra = self.spectra(np.vstack([k * position, b * velocity, i * acceleration]))
         self.set_delay(delay)
-
-    def _measure(self) -> Motion:
-        """The motion that was measured."""
-        signals = np.stack([self.position - self.slow, *self.trial.motion(self.grid)[1:]])
-        return Motion(signals, lambda delay: decimate(np.maximum(0.0, self.trial.velocity(delay)), *self.grid))
 
     def _predict(self) -> Motion:
         """The motion that slow movement and reference explain; the measured one where the position is the reference."""
@@ -181,10 +177,6 @@ class TimeVaryingEquations:
         parts = zip("KBGI", self.mean_weights, self.bases.blocks, strict=True)
         return {name: float(weights @ linear[block]) for name, weights, block in parts}
 
-    def predict_torque(self, parameters: Parameters, motion: Motion) -> np.ndarray:
-        """Transform of the torque of the model."""
-        return parameters.torque(motion.spectra, motion.drive, self.s)
-
     def system(self, parameters: Parameters, whiten: Callable[[np.ndarray], np.ndarray]) -> WhitenedSystem:
         """System at some parameters, whitened by a function of `whitener`."""
 
@@ -224,13 +216,13 @@ class TimeVaryingEquations:
             directions = (vectors[:, large] / np.sqrt(values[large])).T @ white
         return whiten
 
-    def noise(self, parameters: Parameters) -> np.ndarray:
-        """Residual torque less what repeats with the cycle, shape (rows,)."""
-        residual = self.lead(parameters) - self.predict_torque(parameters, self.measured)
-        return self.whitener(np.ones(self.frequency.size))(residual)
+    def noise_whitener(self, parameters: Parameters) -> Callable[[np.ndarray], np.ndarray]:
+        """Function that whitens noise: by the inverse of its spectrum, and of its level as a function of the place.
 
-    def noise_whitener(self, noise: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Function that whitens noise: by the inverse of its spectrum, and of its level as a function of the place."""
+        The noise is the residual torque less what repeats with the cycle.
+        """
+        residual = self.lead(parameters) - parameters.torque(self.measured.spectra, self.measured.drive, self.s)
+        noise = self.whitener(np.ones(self.frequency.size))(residual)
         spectrum = self.spectrum(noise)
         if self.weighting == "flat":
             return self.whitener(np.where(self.inside, 1.0 / np.sqrt(spectrum.mean()), 0.0))

@@ -137,8 +137,7 @@ def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
     course = make_course(trial, grid, options.cycle_onsets, options.schedule)
     degree = 3 if options.interpolation == "cubic" else 0
     counts = *options.knots, options.inertia_knots
-    k, b, g, i = (CONSTANT if count == 1 else Splines(count, course.periodic, degree) for count in counts)
-    bases = Bases((k, b, g, i))
+    bases = Bases([CONSTANT if count == 1 else Splines(count, course.periodic, degree) for count in counts])
     equations = TimeVaryingEquations(trial, grid, course, options.reference, bases, delay, options.weighting)
     if course.periodic:
         _check_perturbation(equations)

@@ -152,9 +152,10 @@ class TimeVaryingSolution:
     def find_alternatives(self) -> list[Alternative]:
         """Effects with their scores, and how far the means of K, B, I and G move with one step towards each of them."""
         e, system, linear = self.equations, self.system, self.parameters.linear
-        whiten = e.noise_whitener(e.noise(self.parameters))
+        whiten = e.noise_whitener(self.parameters)
         scale = np.sqrt(self.variance * (1.0 + e.smoothing_variance))
-        sides = (e.measured, e.lead(self.parameters)), (e.predicted, e.predict_torque(self.parameters, e.predicted))
+        predicted = self.parameters.torque(e.predicted.spectra, e.predicted.drive, e.s)
+        sides = (e.measured, e.lead(self.parameters)), (e.predicted, predicted)
         alternatives = []
         for effect in EFFECTS:
             if UNKNOWNS.get(effect) in self.parameters.delays:
@@ -202,7 +203,7 @@ def solve_time_varying(
     largest = np.array([LARGEST_STEPS[name] for name in parameters.unknowns])
     converged, penalties = False, np.zeros(0)
     for count in range(1, MOST_ROUNDS + 1):
-        system = equations.system(parameters, equations.noise_whitener(equations.noise(parameters)))
+        system = equations.system(parameters, equations.noise_whitener(parameters))
         solution, penalties, variance = choose_penalties(equations, system, penalties)
         linear, step = np.split(solution, [linear.size])
         if converged:
@@ -261,7 +262,7 @@ def choose_penalties(
     for step in range(SMOOTHING_STEPS):
         penalty = bases.penalty(penalties, unknowns)
         solution = solve_scaled(system.normal + penalty, system.side)
-        residual = system.torque - solution @ system.regressors
+        residual = system.residual(solution)
         variance = float(residual @ residual / max(freedom, 1.0))
         if step == 0 and equations.weighting == "flat":
             instruments = system.instruments[: bases.size]
