@@ -240,10 +240,9 @@ def _read_case(file: BinaryIO, size: int, number: int) -> _Case:
         raise UnreadableError(f"case {number} has no samples, or no sampling interval")
     if realizations > 1:
         names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
-    start, count = file.tell(), length * len(names) * np.dtype(TYPES[kind]).itemsize
-    if count > size - start:
+    start = file.tell()
+    if file.seek(length * len(names) * np.dtype(TYPES[kind]).itemsize, io.SEEK_CUR) > size:
         raise UnreadableError(f"case {number} is cut off")
-    file.seek(count, io.SEEK_CUR)
     rate = 1.0 / interval
     rate = round(rate) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
     return _Case(names, length, TYPES[kind], float(rate), comment, ranges, start)
