@@ -29,14 +29,6 @@ def parse_rate(value: ArrayLike, *, source: str) -> float:
     return rate
 
 
-def compute_rate(time: np.ndarray, *, source: str, name: str = "time") -> float:
-    """Compute the sampling rate of regular times.
-
-    Shapes: time (N,).
-    """
-    return compute_rate_of_parts([time], time.size, source=source, name=name)
-
-
 def compute_rate_of_parts(parts: Iterable[np.ndarray], size: int, *, source: str, name: str = "time") -> float:
     """Compute the sampling rate of regular times that are read in parts, of which the first has several samples."""
     if size < 2:

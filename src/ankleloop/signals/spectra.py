@@ -110,11 +110,8 @@ def smooth(power: np.ndarray, width: float) -> np.ndarray:
     return np.convolve(np.pad(power, window.size // 2, mode="reflect"), window, mode="valid")
 
 
-@lru_cache(maxsize=16)
 def _window(width: float, size: int) -> np.ndarray:
     """Hann window of unit sum, no longer than the periodogram allows."""
     half = int(min(max(4, round(width)), size - 1))
     window = np.hanning(2 * half + 3)[1:-1]
-    window /= window.sum()
-    window.setflags(write=False)
-    return window
+    return window / window.sum()

@@ -124,15 +124,11 @@ class SweepSettings(Options):
         None, "varied parameters: one gives lines, two give maps, more a matrix of effects; null for all in their order"
     )
 
-    @model_validator(mode="after")
-    def _check_quantities(self) -> Self:
-        _check_list("quantities", self.quantities, "quantity", SWEEP_QUANTITIES)
-        return self
-
     def check(self, varied: Collection[str], methods: Collection[str]) -> None:
         """Refuse pictures of what a study does not have."""
         if not varied:
             raise ValueError("no setting and no option differs between the points: give points more than one value")
+        _check_list("quantities", self.quantities, "quantity", SWEEP_QUANTITIES)
         _check_list("methods", self.methods, "method", methods)
         _check_list("difference", self.difference, "method", methods)
         _check_list("axes", self.axes, "varied parameter", varied)

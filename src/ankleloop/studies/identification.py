@@ -30,8 +30,7 @@ Points = Mapping[str, Mapping[str, Any]]
 
 def read_trials(path: PathLike, conditions: Points) -> Trials:
     """Trials of a file, those of each condition from `first` to `stop` without it."""
-    with locate_errors(str(path)):
-        yield from load_rows(path, {condition: (part["first"], part["stop"]) for condition, part in conditions.items()})
+    return load_rows(path, {condition: (part["first"], part["stop"]) for condition, part in conditions.items()})
 
 
 def identify_trials(

@@ -120,11 +120,14 @@ def collect_results(
         """A path below the folder; empty where there is no such file."""
         return path if (folder / path).exists() else ""
 
+    minutes = times.groupby("study")["seconds"].sum() / 60.0
+    rows = [{**study, "study": name, "minutes": minutes.get(name)} for name, study in studies.items()]
+    table = pd.DataFrame(rows, dtype=object)
     left_out = OF_ARTICLE if ledger is None else set()
     recordings = _tabulate_recordings(studies)
     return {
         "links": {text: path for text, path in LINKS.items() if path not in left_out and find(path)},
-        "studies": _tabulate_studies(studies, times),
+        "studies": table[list(COLUMNS)].map(_format_cell).rename(columns=COLUMNS),
         "study_links": [find(f"reports/{name}.html") for name in studies],
         "figures": _collect_figures(folder, studies),
         "recordings": recordings,
@@ -155,12 +158,6 @@ def read_run_times(folder: Path, jobs: Iterable[str]) -> pd.DataFrame:
             row = {"study": "".join(study), "end": path.stat().st_mtime}
             rows.append(row | {name: float(values[column]) for column, name in TIMES.items()})
     return pd.DataFrame(rows, columns=["study", *TIMES.values(), "end"])
-
-
-def _tabulate_studies(studies: Studies, times: pd.DataFrame) -> pd.DataFrame:
-    minutes = times.groupby("study")["seconds"].sum() / 60.0
-    rows = [{**study, "study": name, "minutes": minutes.get(name)} for name, study in studies.items()]
-    return pd.DataFrame(rows, dtype=object)[list(COLUMNS)].map(_format_cell).rename(columns=COLUMNS)
 
 
 def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[dict[str, Any]]]:

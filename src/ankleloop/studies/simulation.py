@@ -33,18 +33,17 @@ def simulate_trials(
 
     `conditions` have `settings` and the numbers of the trials, from `first` to `stop` without it.
     """
-    numbers = (
-        (name, part, number) for name, part in conditions.items() for number in range(part["first"], part["stop"])
-    )
-    for condition, part, number in numbers:
-        trial: xr.Dataset | str
-        with locate_errors(f"study {study}, point {condition}, trial {number}"):
-            try:
-                trial = simulate(seed=SeedSequence(trial_entropy(seed, study, condition, number)), **part["settings"])
-                if precision != "double":
-                    trial = trial.astype(precision).astype(float)
-            except NUMERICAL_ERRORS as error:
-                trial = describe_error(error)
-                log.warning("%s: trial %d failed: %s", condition, number, trial)
-        yield condition, number, trial
-        log.info("%s: simulated trial %d", condition, number)
+    for condition, part in conditions.items():
+        for number in range(part["first"], part["stop"]):
+            trial: xr.Dataset | str
+            with locate_errors(f"study {study}, point {condition}, trial {number}"):
+                try:
+                    seeds = SeedSequence(trial_entropy(seed, study, condition, number))
+                    trial = simulate(seed=seeds, **part["settings"])
+                    if precision != "double":
+                        trial = trial.astype(precision).astype(float)
+                except NUMERICAL_ERRORS as error:
+                    trial = describe_error(error)
+                    log.warning("%s: trial %d failed: %s", condition, number, trial)
+            yield condition, number, trial
+            log.info("%s: simulated trial %d", condition, number)

@@ -163,11 +163,6 @@ class _Case:
     ranges: np.ndarray  # lowest and highest value of each channel, shape (2, channels)
     start: int  # byte at which the samples begin
 
-    def describe(self) -> str:
-        """Channels, duration and comment."""
-        comment = f", {self.comment[:60]!r}" if self.comment else ""
-        return f"{', '.join(self.names)}, {self.length / self.rate:.4g} s at {self.rate:g} Hz{comment}"
-
 
 class FlbContents(Contents):
     """Channels of one case of an FLB file ("filelb"), a sequence of cases (trials) of named channels of equal length.
@@ -185,7 +180,10 @@ class FlbContents(Contents):
             while size - file.tell() >= 4:
                 cases.append(_read_case(file, size, len(cases) + 1))
         if case is None and len(cases) > 1:
-            listed = "; ".join(f"case {k}: {other.describe()}" for k, other in enumerate(cases[:LISTED], 1))
+            listed = "; ".join(
+                f"case {k}: {', '.join(c.names)}, {c.length / c.rate:.4g} s at {c.rate:g} Hz, {c.comment[:60]!r}"
+                for k, c in enumerate(cases[:LISTED], 1)
+            )
             raise DataError(f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.")
         if (case or 1) > len(cases):
             raise DataError(f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1.")
@@ -242,10 +240,9 @@ def _read_case(file: BinaryIO, size: int, number: int) -> _Case:
         raise UnreadableError(f"case {number} has no samples, or no sampling interval")
     if realizations > 1:
         names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
-    start, count = file.tell(), length * len(names) * np.dtype(TYPES[kind]).itemsize
-    if count > size - start:
+    start = file.tell()
+    if file.seek(length * len(names) * np.dtype(TYPES[kind]).itemsize, io.SEEK_CUR) > size:
         raise UnreadableError(f"case {number} is cut off")
-    file.seek(count, io.SEEK_CUR)
     rate = 1.0 / interval
     rate = round(rate) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
     return _Case(names, length, TYPES[kind], float(rate), comment, ranges, start)

@@ -189,11 +189,9 @@ def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.nda
 def _read_rate(source: str, variable: Variable, stated: float | None) -> float | None:
     """Sampling rate [Hz]; None for what cannot be read, where a rate is stated: it contradicts nothing."""
     value = np.ravel(np.asarray(variable.read(slice(None))))[0]
-    try:
+    with suppress(TypeError, ValueError):
         if variable.unit.lower() in HERTZ:
             return float(value)
-    except (TypeError, ValueError):
-        pass
     if stated is not None:
         return None
     unit = variable.unit and f" {variable.unit}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import re
 import warnings
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -74,8 +75,9 @@ class CsvContents(Contents):
     def _measure(self) -> None:
         """Count rows and cells; refuse a line that has too many, and a last one that has too few."""
         for number, line in self._lines():
-            if not line.isascii() or "\0" in line:
-                self._check_encoding(number, line)
+            if wrong := re.search("[\0\udc80-\udcff]", line):
+                fault = f"line {number} is no text in UTF-8 (byte 0x{ord(wrong[0]) & 0xFF:02x})"
+                raise DataError(f"{self.path.name}: {fault}: save it as CSV in UTF-8.")
             cells = line.count(",") + 1
             if cells == 1 and not line.strip():
                 continue
@@ -99,13 +101,6 @@ class CsvContents(Contents):
             raise DataError(
                 f"{self.path.name}: the last line ({number}) has fewer cells than the one before: the file is cut off; "
                 "copy it again, or delete this line."
-            )
-
-    def _check_encoding(self, number: int, line: str) -> None:
-        wrong = next((ord(letter) & 0xFF for letter in line if letter == "\0" or "\udc80" <= letter <= "\udcff"), None)
-        if wrong is not None:
-            raise DataError(
-                f"{self.path.name}: line {number} is no text in UTF-8 (byte 0x{wrong:02x}): save it as CSV in UTF-8."
             )
 
     def _check_last_cell(self, name: str, column: int) -> None:

@@ -142,7 +142,9 @@ def _netcdf_sink(path: PathLike, overwrite: bool) -> Iterator[_Sink]:
     with atomic_file(path, overwrite=overwrite) as partial:
         with _Sink(partial, "xb+") as sink:
             yield sink
-        append_checksum(partial)
+        line = _checksum_line(partial, os.stat(partial).st_size)
+        with open(partial, "ab") as file:
+            file.write(line)
 
 
 @contextmanager
@@ -182,13 +184,6 @@ def stamp_file(path: PathLike) -> tuple[int, ...]:
     """What changes with a file."""
     status = os.stat(path)
     return status.st_ino, status.st_size, status.st_mtime_ns
-
-
-def append_checksum(path: PathLike) -> None:
-    """Append the checksum of its content to a file."""
-    line = _checksum_line(path, os.stat(path).st_size)
-    with open(path, "ab") as file:
-        file.write(line)
 
 
 def has_checksum(path: PathLike) -> bool:

@@ -50,7 +50,12 @@ def write_groups(
     """Write groups of variables to one file; it appears when it is complete."""
     path = _check_suffix(path)
     if path.suffix == ".mat":
-        _write_mat(groups, path, variable, overwrite)
+        import scipy.io  # here, because its import takes time and workflow jobs do not need it
+
+        structs = {group: _as_struct(data) for group, data in groups.items()}
+        struct = structs.pop("", {}) | {group: fields or np.empty((0, 0)) for group, fields in structs.items()}
+        with atomic_file(path, overwrite=overwrite) as partial:
+            scipy.io.savemat(partial, {variable: struct}, False, do_compression=True, long_field_names=True)
     else:
         write_netcdf({group: _split_complex(data) for group, data in groups.items()}, path, overwrite=overwrite)
 
@@ -94,15 +99,6 @@ def _read_netcdf(path: Path) -> dict[str, dict[str, Any]]:
             group: {**node.attrs, **{name: variable[...] for name, variable in node.variables.items()}}
             for group, node in {"": file, **file.groups}.items()
         }
-
-
-def _write_mat(groups: Mapping[str, xr.Dataset], path: Path, variable: str, overwrite: bool) -> None:
-    import scipy.io  # here, because its import takes time and workflow jobs do not need it
-
-    structs = {group: _as_struct(data) for group, data in groups.items()}
-    struct = structs.pop("", {}) | {group: fields or np.empty((0, 0)) for group, fields in structs.items()}
-    with atomic_file(path, overwrite=overwrite) as partial:
-        scipy.io.savemat(partial, {variable: struct}, False, do_compression=True, long_field_names=True)
 
 
 def _as_struct(data: xr.Dataset) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
-from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, format_samples, parse_rate
+from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, parse_rate
 from ankleloop.trials.channels import TRUE_TORQUES, Channel, check_unit, time_factor
 from ankleloop.trials.containers import RATE, RATE_NAMES, TIME, TIME_NAMES, find_suffix
 from ankleloop.trials.files import stamp_file
@@ -128,7 +128,13 @@ def choose_rate(
             if role not in options.further:
                 check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
             check_shape(channel.shape, channel.name, source=source)
-    stated = _find_rate(channels, options.sampling_rate, source)
+    rates = [parse_rate(number, source=source) for number in channels[RATE].values] if RATE in channels else []
+    stated = options.sampling_rate
+    if stated is not None:  # which of several rates is right
+        rates = sorted(rates, key=lambda rate: abs(rate - stated))[:1]
+    for rate in rates:
+        check_same_rate(stated or rates[0], rate, source=source, name=channels[RATE].name)
+    stated = next(iter(rates), None) if stated is None else stated
     if TIME not in channels:
         if stated is None:
             raise DataError(
@@ -138,10 +144,7 @@ def choose_rate(
         return stated
     time, size = channels[TIME], max(channels["position"].shape)
     samples = check_shape(time.shape, time.name, source=source)
-    if samples != size:
-        raise DataError(
-            f"{source}: {time.name} has {format_samples(samples)} but position has {size}: cut both to the same."
-        )
+    check_sizes({"position": size, time.name: samples}, source=source)
     factor = time_factor(time.name, time.unit, source=source)
     parts = (part * (factor or 1.0) for part in times())
     measured = compute_rate_of_parts(parts, samples, source=source, name=time.name)
@@ -152,18 +155,6 @@ def choose_rate(
         )
     check_same_rate(stated or measured, measured, source=source, name=time.name)
     return stated or measured
-
-
-def _find_rate(channels: Mapping[str, Channel], stated: float | None, source: str) -> float | None:
-    """Sampling rate that is stated, or else that of the file; refuses those of a file that contradict it."""
-    if RATE not in channels:
-        return stated
-    rates = [parse_rate(number, source=source) for number in channels[RATE].values]
-    if stated is not None:  # which of several rates is right
-        rates = [min(rates, key=lambda rate: abs(rate - stated))]
-    for rate in rates:
-        check_same_rate(stated or rates[0], rate, source=source, name=channels[RATE].name)
-    return stated or rates[0]
 
 
 class LongRecord:

@@ -7,11 +7,13 @@ carries the true parts of its torque, named in `TRUE_TORQUES`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_flag, check_integer, check_number, check_path
@@ -20,11 +22,6 @@ from ankleloop.trials.channels import VARIABLES
 from ankleloop.trials.files import write_netcdf
 from ankleloop.trials.reading_process import readable_file
 from ankleloop.trials.validation import CHANNELS, REQUIRED, validate
-
-if TYPE_CHECKING:
-    import os
-
-    from numpy.typing import ArrayLike
 
 MAX_DEGREE = 10  # of a drift
 PLAIN = (str, bool, int, float)  # attributes that need no conversion: a simulated trial has dozens

@@ -49,24 +49,18 @@ def save_trials(
                 rows.append(json.dumps([point, number, {}, trial]))
                 continue
             if "time" not in file.variables:
-                _create_variables(file, trial, precision)
+                size = file.dimensions["time"] = trial.sizes["time"]
+                file.create_variable("time", ("time",), float)[:] = trial["time"].values
+                for name in trial.data_vars:
+                    file.create_variable(name, ("trial", "time"), np.dtype(precision), chunks=(1, size))
+                for name, variable in trial.variables.items():
+                    file[name].attrs.update(variable.attrs)
             rows.append(json.dumps([point, number, trial.attrs, ""]))
             for name in map(str, trial.data_vars):
                 values = trial.variables[name].values
                 if values.any():  # what is not written is zero
                     file[name][row] = values.astype(precision)
         file.create_variable(INDEX, ("trial",), h5py.string_dtype())[:] = np.array(rows, dtype=object)
-
-
-def _create_variables(file: Any, trial: xr.Dataset, precision: str) -> None:
-    """Create the variables of trials like the first one."""
-    size = trial.sizes["time"]
-    file.dimensions["time"] = size
-    file.create_variable("time", ("time",), float)[:] = trial["time"].values
-    for name in trial.data_vars:
-        file.create_variable(name, ("trial", "time"), np.dtype(precision), chunks=(1, size))
-    for name, variable in trial.variables.items():
-        file[name].attrs.update(variable.attrs)
 
 
 def load_trials(path: Path) -> Iterator[xr.Dataset]:

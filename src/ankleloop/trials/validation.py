@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.signals.sampling import check_same_rate, compute_rate, format_samples, parse_rate
+from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, format_samples, parse_rate
 from ankleloop.trials.channels import check_unit
 
 CHANNELS = ("position", "torque", "reference")
@@ -37,7 +37,7 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
         if name in CHANNELS or name.startswith("torque"):
             check_unit(name, name, str(variable.attrs.get("units", "")), "rad", source=source)
     time = trial.variables["time"].values
-    measured = compute_rate(time, source=source)
+    measured = compute_rate_of_parts([time], time.size, source=source)
     if "sampling_rate" not in trial.attrs:
         trial = trial.assign_attrs(sampling_rate=measured)
     rate = parse_rate(trial.attrs["sampling_rate"], source=source)
