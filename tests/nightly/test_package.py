@@ -23,7 +23,7 @@ IMPORT_ALL = f"""
 import importlib, importlib.util, pkgutil
 import ankleloop
 for module in pkgutil.walk_packages(ankleloop.__path__, "ankleloop."):
-    if ".exploration" not in module.name:  # it needs the extra of the notebooks
+    if not module.name.startswith(("ankleloop.exploration", "ankleloop.pages.study_page")):  # they need notebooks
         importlib.import_module(module.name)
 print(ankleloop.__file__)
 print([name for name in {WORKFLOW!r} if importlib.util.find_spec(name)])
@@ -127,7 +127,7 @@ def test_every_file_format(programs, tmp_path, kind):
     assert {"riv.nc", "riv.mat", "riv.csv", "figure-torques.csv"} <= {file.name for file in (results / "S1").iterdir()}
     code = "import ankleloop, sys; print(ankleloop.load_estimate(sys.argv[1]).stiffness['K'])"
     run(programs / "ankleloop", "study", "new.yaml", path.name, folder=tmp_path)
-    assert "position: position" in (tmp_path / "new.yaml").read_text(encoding="utf-8")
+    assert "torque: torque" in (tmp_path / "new.yaml").read_text(encoding="utf-8")
     stiffness = float(run(programs / "python", "-c", code, results / "S1" / "riv.nc", folder=tmp_path))
     assert stiffness == pytest.approx(150.0, rel=0.1)
 

@@ -131,7 +131,8 @@ def choose_rate(
     rates = [parse_rate(number, source=source) for number in channels[RATE].values] if RATE in channels else []
     stated = options.sampling_rate
     if stated is not None:  # which of several rates is right
-        rates = sorted(rates, key=lambda rate: abs(rate - stated))[:1]
+        distances = [abs(rate - stated) for rate in rates]
+        rates = [rate for _, rate in sorted(zip(distances, rates, strict=True))[:1]]
     for rate in rates:
         check_same_rate(stated or rates[0], rate, source=source, name=channels[RATE].name)
     stated = next(iter(rates), None) if stated is None else stated
