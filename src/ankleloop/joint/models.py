@@ -142,8 +142,11 @@ class PhysicalModel:
         return self.inputs.label(Matrices(A, B, C, D, 1.0 / rate))
 
     def predict(self, trial: PreparedTrial) -> xr.Dataset:
-        """Torques of a trial, from a state of rest; the dynamics act at the recording rate."""
-        regressors = self.inputs.regressors(trial)
+        """Torques of a trial, from a state of rest."""
+        return self.simulate(trial, self.inputs.regressors(trial))
+
+    def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
+        """Torques of a trial; the dynamics act at the recording rate."""
         intrinsic = regressors.centred[0] @ self.stiffness
         drive = self.coefficients @ self.inputs.basis(trial.velocity(self.inputs.delay))
         recorded = simulate_response(*self.dynamics.matrices(trial.rate), drive[:, None])[:, 0]
@@ -173,7 +176,11 @@ class ResponseModel:
 
     def predict(self, trial: PreparedTrial) -> xr.Dataset:
         """Torques of a trial, where all lags of its inputs are recorded."""
-        regressors, leads = self.inputs.regressors(trial), self.intrinsic.size // 2
+        return self.simulate(self.inputs.regressors(trial))
+
+    def simulate(self, regressors: Regressors) -> xr.Dataset:
+        """Torques of a trial, where all lags of its inputs are recorded."""
+        leads = self.intrinsic.size // 2
         rows = slice(max(leads, self.reflex.size - 1), regressors.torque.size - leads)
         if rows.stop - rows.start < 2:
             raise DataError(

@@ -116,7 +116,8 @@ def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -
 
 def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]) -> Estimate:
     """Torques, physical parameters, and their intervals where the search has converged."""
-    point, parameters, values = solution.point, solution.point.parameters, solution.point.values
+    point, regressors = solution.point, solution.equations.regressors
+    parameters, values = point.parameters, point.values
     errors: dict[str, float] = {}
     intervals: dict[str, tuple[float, float]] = {}
     description: dict[str, Any] = {"intervals": None}
@@ -124,11 +125,11 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
         covariance, quantile, description = choose_covariance(point, solution.free, options.intervals)
         deviations = estimate_deviations(point, covariance, solution.free)
         errors, intervals = estimate_intervals(values, deviations, quantile)
-    inputs = ModelInputs.of(solution.equations.regressors, values["delay"])
+    inputs = ModelInputs.of(regressors, values["delay"])
     model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
     return Estimate(
         method="riv",
-        torque=model.predict(trial),
+        torque=model.simulate(trial, inputs.regressors(trial) if parameters.delays else regressors),
         matrices=model.matrices,
         stiffness={name: values.pop(name) for name in "KBI"},
         reflex=values,

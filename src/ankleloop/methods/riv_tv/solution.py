@@ -262,7 +262,7 @@ def choose_penalties(
     for step in range(SMOOTHING_STEPS):
         penalty = bases.penalty(penalties, unknowns)
         solution = solve_scaled(system.normal + penalty, system.side)
-        residual = system.residual(solution)
+        residual = system.torque - solution @ system.regressors
         variance = float(residual @ residual / max(freedom, 1.0))
         if step == 0 and equations.weighting == "flat":
             instruments = system.instruments[: bases.size]
