@@ -17,6 +17,7 @@ from ankleloop.methods.registry import METHODS
 from ankleloop.plotting.recordings import recordings_figure
 from ankleloop.plotting.style import save_figure
 from ankleloop.quantities import QUANTITIES
+from ankleloop.recordings.files import SUFFIXES
 from ankleloop.recordings.recommendation import format_with_interval
 from ankleloop.recordings.validity import usual_methods
 from ankleloop.studies.checking import ConfigError, check
@@ -89,7 +90,7 @@ def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
         ((_, table, _),) = analyse_recordings(study.chunks[0], study.analysed_methods, Path(temporary), window)
         write_csv(table, Path(temporary, f"{name}-parameters.csv"))
         for earlier in (folder / name).glob("*"):
-            if earlier.stem in METHODS or earlier.stem.startswith("figure-"):
+            if earlier.suffix in SUFFIXES and (earlier.stem in METHODS or earlier.stem.startswith("figure-")):
                 earlier.unlink()
         for result in filter(Path.is_file, Path(temporary).rglob("*")):
             target = folder / result.relative_to(temporary)
