@@ -34,7 +34,7 @@ FAST_RATE = 1000.0  # Hz: at half of it nothing is left of a torque
 EDGE, EDGE_SLOPE = 2.5e-4, 0.63  # density at the edge of the band over the largest one, and over that at three quarters
 NOISE_BAND = 45.0  # Hz
 NOISE_SHARE = 0.15  # of the velocity's power: from about there on the reflex gain is off by 15 %
-NOISE_SEGMENT = 0.5  # s
+NOISE_SEGMENT, NOISE_SEGMENTS = 0.5, 50  # s, and about how many of them show the noise of a long record
 COPY = 1e-6  # share of a channel that its copy leaves
 TINY = np.finfo(float).tiny
 DEPENDENT = 1e-12  # singular value of scaled equations, in units of the largest one
@@ -154,7 +154,8 @@ def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     if velocity.size < 10 * length or trial.rate < 2.5 * NOISE_BAND:
         return ok
     signals = velocity, trial.samples("torque")
-    v, t = (segment_spectra(signal, length, length // 2) for signal in signals)
+    step = max(length // 2, velocity.size // NOISE_SEGMENTS)
+    v, t = (segment_spectra(signal, length, step) for signal in signals)
     power, torque = (np.mean(np.abs(spectra) ** 2, axis=0) for spectra in (v, t))
     coherence = np.abs(np.mean(v.conj() * t, axis=0)) ** 2 / np.maximum(power * torque, TINY)
     above = np.arange(power.size) * trial.rate / length > NOISE_BAND

@@ -14,7 +14,7 @@ from ankleloop.signals.statespace import companion, lowpass_denominator, step_ma
 
 STARTS = [(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
 POLES = (15.0, 40.0, 120.0)  # rad/s
-LARGEST = 1e4  # rad/s, or 1: no reflex is as fast, or as damped
+LIMIT = np.log(1e4)  # of the logarithm of a parameter, in rad/s or 1: no reflex is as fast, or as damped
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def fit_dynamics(
 
     Shapes: response (F,), s (F,), weight (F,).
     """
-    from scipy.optimize import least_squares  # here, because its import takes time and riv does not need it
+    from scipy.optimize import leastsq  # here, because its import takes time and riv does not need it
 
     root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
     target = root * response
@@ -89,16 +89,16 @@ def fit_dynamics(
     energies = np.sum(np.abs(shapes) ** 2, axis=1)
     best = int(np.argmax(products**2 / energies))
 
+    def dynamics(x: np.ndarray) -> ReflexDynamics:
+        return ReflexDynamics(*np.exp(np.clip(x[1:], -LIMIT, LIMIT)).tolist())
+
     def error(x: np.ndarray) -> np.ndarray:
-        return (x[0] * root * ReflexDynamics(*np.exp(x[1:])).response(s)[0] - target).view(float)
+        return (x[0] * root * dynamics(x).response(s)[0] - target).view(float)
 
     def slopes(x: np.ndarray) -> np.ndarray:
-        shape, derivatives = ReflexDynamics(*np.exp(x[1:])).response(s)
-        return (root * np.array([shape, *(x[0] * part for part in derivatives)])).view(float).T
+        shape, derivatives = dynamics(x).response(s)
+        return (root * np.array([shape, *(x[0] * part for part in derivatives)])).view(float)
 
     start = [products[best] / energies[best], *np.log(list(starts[best].values.values()))]
-    most = [np.inf, *[np.log(LARGEST)] * (len(start) - 1)]
-    found = least_squares(
-        error, start, slopes, (np.negative(most), most), x_scale="jac", xtol=1e-12, ftol=1e-14, gtol=1e-14
-    )
-    return float(found.x[0]), ReflexDynamics(*np.exp(found.x[1:]).tolist()), float(1.0 - 2.0 * found.cost)
+    x, *_ = leastsq(error, start, Dfun=slopes, col_deriv=True, xtol=1e-12, ftol=1e-14, gtol=1e-14)
+    return float(x[0]), dynamics(x), float(1.0 - np.sum(error(x) ** 2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from copy import copy
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -53,6 +54,7 @@ class PreparedTrial:
         self.trial = trial if validated else validate(trial)
         self.rate = float(self.trial.attrs["sampling_rate"])
         self.time: np.ndarray = trial.variables["time"].values  # of every sample [s], shape (samples,)
+        self.recorded = {name: variable.values for name, variable in self.trial.variables.items()}
         self.computed: dict[Hashable, Any] = {}  # values by what they were computed of; they must not be changed
 
     def clear(self) -> None:
@@ -72,7 +74,7 @@ class PreparedTrial:
 
     def samples(self, name: str) -> np.ndarray:
         """Recorded samples of a variable, shape (samples,)."""
-        return self.trial.variables[name].values
+        return self.recorded[name]
 
     def grid(self, identification_rate: float, delay: float) -> Grid:
         """Grid of all decimated samples that no filter edge touches; see `decimation_grid`."""
@@ -152,7 +154,8 @@ class PreparedTrial:
         if name == "position":  # an open-loop record: the reference explains all of it
             return regressors.inputs
         position = predict_decimated(regressors.inputs[:, 0], self.samples(name), grid, self.rate)
-        predicted = PreparedTrial(self.trial.assign(position=("time", position)), validated=True)
+        predicted = copy(self)
+        predicted.recorded, predicted.computed = self.recorded | {"position": position}, {}
         return _make_inputs(predicted, regressors.delay, regressors.basis, 1, grid, regressors.omitted_step)[1]
 
 

@@ -131,16 +131,6 @@ def _sum_products(rows, weights, start, stride, count):
     return out
 
 
-def lowpass(x: ArrayLike, factor: int) -> np.ndarray:
-    """The low-pass of `decimate` without the decimation; beyond its ends the signal is taken to equal its mean.
-
-    Shapes: x (N,); returns (N,).
-    """
-    x = np.asarray(x, dtype=float)
-    taps, half = decimation_taps(factor, 0)
-    return convolve(x - x.mean(), taps)[half : half + x.size]
-
-
 def convolve(x: np.ndarray, taps: np.ndarray) -> np.ndarray:
     """Full convolution of a long signal by Fourier transforms.
 

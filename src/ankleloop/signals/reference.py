@@ -12,7 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from ankleloop.errors import DataError
-from ankleloop.signals.decimation import PASSBAND, convolve, decimate, lowpass
+from ankleloop.signals.decimation import PASSBAND, convolve, decimate, decimation_taps
 from ankleloop.signals.spectra import smooth
 
 LEADS, LAGS = 0.15, 0.80  # s
@@ -177,12 +177,14 @@ def fit_finite_response(
 def predict_decimated(y: np.ndarray, reference: np.ndarray, grid: tuple[int, int, int], rate: float) -> np.ndarray:
     """Part of a decimated signal that the recorded reference explains, at the recording rate.
 
+    Beyond its ends the reference is taken to equal its mean.
+
     Shapes: y (N,), reference (samples,); returns (samples,).
     """
     factor = grid[0]
     taps = fit_finite_response(y, decimate(reference, *grid), rate / factor)
     recorded_taps = np.zeros(factor * (taps.size - 1) + 1)
     recorded_taps[::factor] = taps
-    return convolve(lowpass(reference, factor), recorded_taps)[factor * round(LEADS * rate / factor) :][
-        : reference.size
-    ]
+    lowpass, half = decimation_taps(factor, 0)
+    first = half + factor * round(LEADS * rate / factor)
+    return convolve(reference - reference.mean(), convolve(recorded_taps, lowpass))[first:][: reference.size]

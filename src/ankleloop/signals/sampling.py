@@ -12,6 +12,7 @@ from ankleloop.options import describe_limits, show_value
 
 LOWEST_RATE, HIGHEST_RATE = 0.001, 1e9  # Hz
 RATE_TOLERANCE = 1e-3  # two statements of one sampling rate may differ by this fraction
+FEW = 1000  # steps, about, show the usual one
 
 
 def parse_rate(value: ArrayLike, *, source: str) -> float:
@@ -40,7 +41,7 @@ def compute_rate_of_parts(parts: Iterable[np.ndarray], size: int, *, source: str
         with np.errstate(all="ignore"):  # of what is refused
             steps = np.diff(times, prepend=last)
             if not start:
-                first, usual = times[0], float(np.median(np.nan_to_num(steps)))
+                first, usual = times[0], float(np.median(np.nan_to_num(steps[:: steps.size // FEW | 1])))
             irregular = np.flatnonzero(~(np.abs(steps - usual) <= tolerance * abs(usual)) | (steps <= 0))
         missing, offset = np.flatnonzero(~np.isfinite(times)), times.size - steps.size
         if missing.size and missing[0] <= irregular[0] + offset:

@@ -136,8 +136,8 @@ def _rows(effect: str, point: Point, origin: Equations) -> tuple[np.ndarray, np.
     if effect == "high-pass":
         return -origin.torque / s, -predicted / s
     if effect == "compression":
-        measured = e.regressors.torque - e.regressors.torque.mean()
-        return -band.transform(measured**3), -band.transform(band.signals(predicted) ** 3)
+        torques = e.regressors.torque - e.regressors.torque.mean(), band.signals(predicted)
+        return -band.transform(torques[0] ** 2 * torques[0]), -band.transform(torques[1] ** 2 * torques[1])
     if effect == "friction":
         velocities = e.regressors.inputs[:, 1], e.predicted_inputs[:, 1]
         return band.transform(np.sign(velocities[0])), band.transform(np.sign(velocities[1]))

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy import linalg, special
+from scipy import special
 
 from ankleloop.joint.dynamics import ReflexDynamics, respond
 from ankleloop.joint.hammerstein import ReflexPath
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Regressors
-from ankleloop.signals.spectra import pass_band
+from ankleloop.signals.spectra import Band, pass_band
 
 NOISE_RESOLUTION = 0.4  # Hz
 DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
@@ -219,47 +219,60 @@ class Equations:
 
     def find_start(self, order: int, *, estimate_delay: bool) -> Parameters:
         """Best of a grid of dynamics for the predicted position, a fit to the torque that it explains."""
-        shifts, s = DELAYS - self.delay if estimate_delay else np.zeros(1), self.band.s
-        grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(order) for shift in shifts.tolist()]
-        filters = respond(ReflexDynamics.grid(order), s)[:, None] * np.exp(-np.outer(shifts, s))
-        filters = filters.reshape(len(grid), -1)
-        linear, best, residual = fit_grid(self.predicted, self.torque, filters, np.ones(s.size))
+        grid, responses, delays = make_grid(self.band, order, self.delay if estimate_delay else None)
+        linear, best, residual = fit_grid(self.predicted, self.torque, responses, delays, np.ones(self.torque.size))
         if self.weighting == "noise":
-            linear, best, _ = fit_grid(self.predicted, self.torque, filters, self.smooth_power(residual))
+            noise = self.smooth_power(residual)
+            linear, best, _ = fit_grid(self.predicted, self.torque, responses, delays, noise)
         return Parameters(linear, *grid[best], delays=("delay",) * estimate_delay)
 
 
 def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve normal equations whose unknowns differ in unit; directions without information get zero."""
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), np.finfo(float).tiny))
-    solution = linalg.lstsq(normal * (scale[:, None] * scale), (right.T * scale).T, cond=SINGULAR)[0]
+    solution = np.linalg.lstsq(normal * (scale[:, None] * scale), (right.T * scale).T, rcond=SINGULAR)[0]
     return (solution.T * scale).T
 
 
+@lru_cache(maxsize=2)
+def make_grid(
+    band: Band, order: int, delay: float | None
+) -> tuple[list[tuple[ReflexDynamics, float]], np.ndarray, np.ndarray]:
+    """Dynamics and shifts of a delay from which a search may start; responses of the ones, and of the others.
+
+    Shapes: returns responses (R, F), delays (D, F).
+    """
+    shifts = np.zeros(1) if delay is None else DELAYS - delay
+    grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(order) for shift in shifts.tolist()]
+    return grid, respond(ReflexDynamics.grid(order), band.s), np.exp(-np.outer(shifts, band.s))
+
+
 def fit_grid(
-    inputs: np.ndarray, torque: np.ndarray, filters: np.ndarray, noise: np.ndarray
+    inputs: np.ndarray, torque: np.ndarray, responses: np.ndarray, delays: np.ndarray, noise: np.ndarray
 ) -> tuple[np.ndarray, int, np.ndarray]:
-    """Linear parameters of the best of some filters of the reflex, its number, and what it leaves of the torque.
+    """Linear parameters of the best filter of the reflex, its number, and what it leaves of the torque.
 
-    They are fitted for all of the filters in one pass.
+    The filters are all pairs of a response and a delay, the latter counting first. They are fitted in one pass.
 
-    Shapes: inputs (3 + k, F), torque (F,), filters (size, F), noise (F,); returns (3 + k,), residual (F,).
+    Shapes: inputs (3 + k, F), torque (F,), responses (R, F), delays (D, F), noise (F,); returns (3 + k,), residual
+    (F,).
     """
     motion, drive = inputs[:MOTION], inputs[MOTION:]
-    k, size = len(drive), len(filters)
+    k, count, size = len(drive), len(delays), len(responses) * len(delays)
     weighted = motion.conj() / noise
     normal = np.empty((size, MOTION + k, MOTION + k))
     normal[:, :MOTION, :MOTION] = np.real(weighted @ motion.T)
-    cross = np.real(filters @ (weighted[:, None] * drive).reshape(MOTION * k, -1).T).reshape(-1, MOTION, k)
+    rows = np.vstack([(weighted[:, None] * drive).reshape(MOTION * k, -1), drive * torque.conj() / noise])
+    products = np.real(responses @ (delays[:, None] * rows).reshape(count * len(rows), -1).T).reshape(size, -1)
+    cross, reflex = np.split(products, [MOTION * k], axis=1)
+    cross = cross.reshape(-1, MOTION, k)
     normal[:, :MOTION, MOTION:], normal[:, MOTION:, :MOTION] = cross, np.swapaxes(cross, 1, 2)
-    products = np.real(drive.conj()[:, None] * drive / noise).reshape(k * k, -1)
-    normal[:, MOTION:, MOTION:] = (np.abs(filters) ** 2 @ products.T).reshape(-1, k, k)
-    right = np.empty((size, MOTION + k))
-    right[:, :MOTION] = np.real(weighted @ torque)
-    right[:, MOTION:] = np.real(filters @ (drive * torque.conj() / noise).T)
+    products = np.abs(responses) ** 2 @ np.real(drive.conj()[:, None] * drive / noise).reshape(k * k, -1).T
+    normal[:, MOTION:, MOTION:] = np.repeat(products, count, axis=0).reshape(-1, k, k)
+    right = np.hstack([np.tile(np.real(weighted @ torque), (size, 1)), reflex])
     scale = 1.0 / np.sqrt(np.einsum("gii->gi", normal))
     scaled = normal * scale[:, :, None] * scale[:, None] + 1e-12 * np.eye(MOTION + k)
     linear = scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
     best = int(np.argmax(np.sum(right * linear, axis=1)))  # explained energy
-    values = linear[best]
-    return values, best, torque - values[:MOTION] @ motion - filters[best] * (values[MOTION:] @ drive)
+    values, response = linear[best], responses[best // count] * delays[best % count]
+    return values, best, torque - values[:MOTION] @ motion - response * (values[MOTION:] @ drive)

@@ -110,6 +110,11 @@ class TimeVaryingEquations:
         # Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count.
         self.slow_splines = Splines(MEAN_SPLINES, course.periodic)(course.place)
         self._fit = linalg.pinv(self.slow_splines[self.rows], rtol=1e-6)
+        self._slow_spectra = rfft(self.slow_splines.T, self.size)
+        self._remove_repeated = self.whitener(np.ones(self.frequency.size))
+        # Splines of the level of the noise, and the matrix that fits them.
+        self._level_splines = Splines(NOISE_SPLINES, course.periodic)(course.place[self.rows])
+        self._level_fit = linalg.pinv(self._level_splines, rtol=1e-6)
         self.position = trial.motion(grid)[0]
         self.slow = self.slow_part(self.position)
         signal = trial.channel(reference, grid)
@@ -210,7 +215,7 @@ class TimeVaryingEquations:
 
         if not length:
             directions = np.zeros((1, self.rows.stop - self.rows.start))  # of what repeats or changes slowly
-            white = whiten(rfft(self.slow_splines.T, size))
+            white = whiten(self._slow_spectra)
             values, vectors = np.linalg.eigh(white @ white.T)
             large = values > 1e-12 * values[-1]
             directions = (vectors[:, large] / np.sqrt(values[large])).T @ white
@@ -222,7 +227,7 @@ class TimeVaryingEquations:
         The noise is the residual torque less what repeats with the cycle.
         """
         residual = self.lead(parameters) - parameters.torque(self.measured.spectra, self.measured.drive, self.s)
-        noise = self.whitener(np.ones(self.frequency.size))(residual)
+        noise = self._remove_repeated(residual)
         spectrum = self.spectrum(noise)
         if self.weighting == "flat":
             return self.whitener(np.where(self.inside, 1.0 / np.sqrt(spectrum.mean()), 0.0))
@@ -231,8 +236,7 @@ class TimeVaryingEquations:
         padded = np.zeros(self.grid.samples)
         padded[self.rows] = noise
         power = irfft(weight * rfft(padded, self.size), self.size)[self.rows] ** 2
-        splines = Splines(NOISE_SPLINES, self.course.periodic)(self.course.place[self.rows])
-        values, mean = splines @ np.linalg.lstsq(splines, power, rcond=1e-6)[0], float(np.mean(power))
+        values, mean = self._level_splines @ (self._level_fit @ power), float(np.mean(power))
         return self.whitener(weight, np.sqrt(np.maximum(values, LOWEST_LEVEL * mean) / mean))
 
     def spectrum(self, noise: np.ndarray) -> np.ndarray:

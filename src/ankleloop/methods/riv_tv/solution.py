@@ -230,8 +230,9 @@ def _fit_constants(equations: TimeVaryingEquations, order: int) -> tuple[np.ndar
     inputs = np.stack([*motion, predicted.drive.sum(axis=0)])[:, inside]
     s, target, grid = equations.s[inside], equations.torque[inside], ReflexDynamics.grid(order)
     width, noise = equations.resolution * equations.size / equations.rate, np.ones(target.size)
+    responses = respond(grid, s)
     for _ in range(2):
-        values, best, residual = fit_grid(inputs, target, respond(grid, s), noise)
+        values, best, residual = fit_grid(inputs, target, responses, np.ones((1, s.size)), noise)
         noise = smooth(np.abs(residual) ** 2, width)
         noise = np.maximum(noise, 1e-10 * noise.max())
     linear = np.empty(equations.bases.size)
