@@ -23,9 +23,9 @@ from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
 
-LEAST_TOLERANCE = 1e-12  # of the directions of instruments: rounding of the rows
+LEAST_TOLERANCE = 1e-6  # of the directions of instruments: weaker ones show rounding and noise
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
-ACCURACY = 1e-4  # of squared singular values; a bound that adds magnitudes, a hundred times the size of the errors
+ACCURACY = 2e-4  # of squared singular values; a bound that adds magnitudes, a hundred times the size of the errors
 MARGIN = 3.0  # between an eigenvalue and its rounding
 
 
