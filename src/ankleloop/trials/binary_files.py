@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -13,8 +14,8 @@ import numpy as np
 import scipy.io
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import LISTED
-from ankleloop.trials.containers import Contents, Variable, take_samples
+from ankleloop.trials.channels import LISTED, Variable
+from ankleloop.trials.containers import Contents, take_samples
 from ankleloop.trials.files import UnreadableError
 
 NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
@@ -44,9 +45,7 @@ class Hdf5Contents(Contents):
                 f"{self.path.name}: the samples of {name} are in other files: copy them into one file, for example by "
                 "h5repack or with MATLAB."
             )
-        return Variable(
-            name, (0,) if node.shape is None else node.shape, lambda part: take_samples(node, part), node.attrs
-        )
+        return Variable(name, (0,) if node.shape is None else node.shape, partial(take_samples, node), node.attrs)
 
     def names(self) -> Iterable[str]:
         """Full names of the variables; MATLAB's internals, #refs# and #subsystem#, are left out."""
@@ -59,10 +58,9 @@ class Hdf5Contents(Contents):
         self._file.visititems(visit)
         return names
 
-    def find_attribute(self, owner: str, name: str) -> Any:
-        """Attribute of a variable, a group, or of the file, whose name is empty; None if there is none."""
-        node = self._resolve(owner)
-        return None if node is None else node.attrs.get(name)
+    def attributes(self, owner: str) -> Mapping[str, Any]:
+        """Attributes of a variable, a group, or of the file, whose name is empty."""
+        return getattr(self._resolve(owner), "attrs", {})
 
     def _resolve(self, name: str) -> Any:
         """Object of a full name; None if there is none."""
@@ -83,30 +81,9 @@ class MatContents(Contents):
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
         _check_end(path)
-        self._top = {name: (tuple(map(int, shape)), kind) for name, shape, kind in scipy.io.whosmat(path, False)}
-        self._loaded: dict[str, Any] = {}
-
-    def find(self, name: str) -> Variable | None:
-        """Variable of a full name; None if there is none."""
-        top = name.split(self.separator, 1)[0]
-        shape, kind = self._top.get(top, ((), ""))
-        if kind == "struct":
-            value = self._fields(top).get(name)
-            return None if value is None else Variable(name, np.shape(value), lambda _: value)
-        return Variable(name, shape, lambda _: self._load(name)) if name in self._top else None
-
-    def names(self) -> Iterator[str]:
-        """Full names of the variables."""
-        for name, (_, kind) in self._top.items():
-            yield from self._fields(name) if kind == "struct" else (name,)
-
-    def _load(self, top: str) -> Any:
-        if top not in self._loaded:
-            self._loaded |= scipy.io.loadmat(self.path, None, False, variable_names=[top], simplify_cells=True)
-        return self._loaded[top]
-
-    def _fields(self, top: str) -> dict[str, Any]:
-        return dict(_flatten_struct({top: self._load(top)}))
+        contents = scipy.io.loadmat(path, None, False, simplify_cells=True)
+        fields = _flatten_struct({name: value for name, value in contents.items() if not name.startswith("__")})
+        self.variables = [Variable(name, value.shape, value.__getitem__) for name, value in fields]
 
 
 def _check_end(path: Path) -> None:
@@ -119,12 +96,12 @@ def _check_end(path: Path) -> None:
                 raise UnreadableError("it ends within a variable")
 
 
-def _flatten_struct(struct: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten_struct(struct: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, np.ndarray]]:
     for name, value in struct.items():
         if isinstance(value, dict):
             yield from _flatten_struct(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
+        else:  # a list holds structs of any shape
+            yield f"{prefix}{name}", np.fromiter(value, object) if isinstance(value, list) else np.atleast_1d(value)
 
 
 class ClassicNetcdfContents(Contents):
@@ -133,22 +110,14 @@ class ClassicNetcdfContents(Contents):
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
         self._file = scipy.io.netcdf_file(path, "r", mmap=True, maskandscale=False)
+        self.variables = [
+            Variable(name, found.data.shape, partial(take_samples, found.data), found._attributes)
+            for name, found in self._file.variables.items()
+        ]
 
-    def find(self, name: str) -> Variable | None:
-        """Variable of a name; None if there is none."""
-        found = self._file.variables.get(name)
-        if found is None:
-            return None
-        return Variable(name, found.data.shape, lambda part: take_samples(found.data, part), found._attributes)
-
-    def names(self) -> Iterable[str]:
-        """Names of the variables."""
-        return self._file.variables
-
-    def find_attribute(self, owner: str, name: str) -> Any:
-        """Attribute of a variable, or of the file, whose name is empty; None if there is none."""
-        holder = self._file.variables.get(owner) if owner else self._file
-        return None if holder is None else holder._attributes.get(name)
+    def attributes(self, owner: str) -> Mapping[str, Any]:
+        """Attributes of a variable, or of the file, whose name is empty."""
+        return getattr(self._file.variables.get(owner) if owner else self._file, "_attributes", {})
 
 
 @dataclass(frozen=True)
@@ -172,6 +141,8 @@ class FlbContents(Contents):
     channel by channel. All is little endian. Channels of several realizations have its number behind a slash.
     """
 
+    kind = "channels"
+
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path)
         size = path.stat().st_size
@@ -187,29 +158,19 @@ class FlbContents(Contents):
             raise DataError(f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.")
         if (case or 1) > len(cases):
             raise DataError(f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1.")
-        self._case = cases[(case or 1) - 1]
+        chosen = cases[(case or 1) - 1]
+        self._rate = chosen.rate
+        samples = np.memmap(path, chosen.type, "r", chosen.start, (len(chosen.names), chosen.length))
+        for channel, name in enumerate(chosen.names):
+            scale = {}
+            if chosen.type == TYPES[-2]:
+                low, high = chosen.ranges[:, channel % chosen.ranges.shape[1]]
+                scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low}
+            self.variables.append(Variable(name, (chosen.length,), samples[channel].__getitem__, scale))
 
-    def find(self, name: str) -> Variable | None:
-        """Channel of a name; None if there is none."""
-        case = self._case
-        if name not in case.names:
-            return None
-        if case.names.count(name) > 1:
-            raise DataError(f"{self.path.name}: there are several channels {name!r}: give each a name of its own.")
-        samples = np.memmap(self.path, case.type, "r", case.start, (len(case.names), case.length))
-        channel, scale = case.names.index(name), {}
-        if case.type == TYPES[-2]:
-            low, high = case.ranges[:, channel % case.ranges.shape[1]]
-            scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low}
-        return Variable(name, (case.length,), lambda part: samples[channel, part], scale)
-
-    def names(self) -> Iterable[str]:
-        """Names of the channels."""
-        return self._case.names
-
-    def find_attribute(self, owner: str, name: str) -> Any:
+    def attributes(self, owner: str) -> Mapping[str, Any]:
         """The sampling rate, which belongs to the file."""
-        return self._case.rate if (owner, name) == ("", "sampling_rate") else None
+        return {} if owner else {"sampling_rate": self._rate}
 
 
 def _read_case(file: BinaryIO, size: int, number: int) -> _Case:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -55,13 +56,33 @@ LISTED = 30  # names of variables that a message lists
 
 
 @dataclass(frozen=True)
-class Channel:
-    """A variable of a file that serves as a channel of a trial."""
+class Variable:
+    """A variable of a file, whose samples are read when they are asked for."""
 
-    name: str  # full name of the variable or attribute in the file
-    unit: str  # unit that the file states, or the empty string
-    shape: tuple[int, ...]  # its shape in the file
-    values: np.ndarray = field(default_factory=lambda: np.empty(0))  # its samples, where they were read
+    name: str  # its full name
+    shape: tuple[int, ...] = ()  # its shape in the file
+    read: Callable[[slice], Any] = np.empty(0).__getitem__  # gives the samples of a slice as an array of any type
+    attributes: Mapping[str, Any] = field(default_factory=dict)  # its attributes
+
+    @property
+    def values(self) -> np.ndarray:
+        """All samples."""
+        return np.asarray(self.read(slice(None)))
+
+    @property
+    def unit(self) -> str:
+        """Unit that the file states, numbers as text; texts that differ are joined, so that they are refused."""
+        values = [value for name, value in self.attributes.items() if name.lower() in ("units", "unit")]
+        texts = [str(value) if np.asarray(value).dtype.kind in "iuf" else as_text(value) for value in values]
+        return " and ".join({normalise_unit(text): text for text in texts if text}.values())
+
+
+def as_text(value: Any) -> str:
+    """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for what is no text."""
+    array = np.asarray(value)
+    item = array.item() if array.size == 1 else None
+    text = item.decode(errors="replace") if isinstance(item, bytes) else item
+    return text.strip("\x00 \t\r\n") if isinstance(text, str) else ""
 
 
 def check_size(samples: int, name: str) -> None:
@@ -121,7 +142,7 @@ class AmbiguousNameError(DataError):
     """A channel that the names of the variables leave open."""
 
 
-def find_variable(channel: str, variables: Sequence[Channel], *, source: str, taken: Iterable[str] = ()) -> str | None:
+def find_variable(channel: str, variables: Sequence[Variable], *, source: str, taken: Iterable[str] = ()) -> str | None:
     """Find the variable of a channel by its name.
 
     A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `WORDS`: `ankle_angle`
@@ -141,7 +162,7 @@ def find_variable(channel: str, variables: Sequence[Channel], *, source: str, ta
     raise AmbiguousNameError(f"{source}: {text}{names}. Name one of these.")
 
 
-def _is_signal(variable: Channel) -> bool:
+def _is_signal(variable: Variable) -> bool:
     """Whether a variable may have samples: it is no single number, and its shape may be unknown."""
     return variable.shape == () or math.prod(variable.shape) > 1
 

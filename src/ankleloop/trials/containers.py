@@ -7,10 +7,8 @@ Damaged files can kill or halt the process that opens them, so the one that is s
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -20,11 +18,11 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import (
     AmbiguousNameError,
-    Channel,
+    Variable,
+    as_text,
     check_size,
     find_variable,
     list_names,
-    normalise_unit,
 )
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
@@ -36,45 +34,36 @@ TIME, RATE = "time", "sampling_rate"  # roles beside the channels of the trial
 MOST_VARIABLES = 1000  # in a list of them
 
 
-@dataclass(frozen=True)
-class Variable:
-    """A variable of a file, whose samples are read when they are asked for."""
-
-    name: str  # its full name
-    shape: tuple[int, ...]  # its shape in the file
-    read: Callable[[slice], Any]  # gives the samples of a slice as an array of any type
-    attributes: Mapping[str, Any] = field(default_factory=dict)  # its attributes
-
-    @property
-    def unit(self) -> str:
-        """Unit that the file states, numbers as text; texts that differ are joined, so that they are refused."""
-        values = [value for name, value in self.attributes.items() if name.lower() in ("units", "unit")]
-        texts = [str(value) if np.asarray(value).dtype.kind in "iuf" else as_text(value) for value in values]
-        return " and ".join({normalise_unit(text): text for text in texts if text}.values())
-
-
-class Contents(ABC):
+class Contents:
     """Variables and attributes of an open file."""
 
     separator = "/"  # joins the names of groups or structs
+    kind = "variables"  # what a table or a sequence of cases calls them
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         self.path = path
+        self.variables: list[Variable] = []
         self.warnings: list[str] = []  # for who reads the file
         if case is not None:
             raise DataError(f"{path.name}: case chooses a trial of an .flb file: leave it out.")
 
-    @abstractmethod
     def find(self, name: str) -> Variable | None:
         """Variable of a full name; None if there is none."""
+        places = [place for place, variable in enumerate(self.variables, 1) if variable.name == name]
+        if len(places) > 1:
+            raise DataError(
+                f"{self.path.name}: {len(places)} {self.kind} are called {name!r} ({self.kind} "
+                f"{', '.join(map(str, places))}): give each a name of its own."
+            )
+        return self.variables[places[0] - 1] if places else None
 
-    @abstractmethod
     def names(self) -> Iterable[str]:
         """Full names of the variables."""
+        return [variable.name for variable in self.variables if variable.name]
 
-    def find_attribute(self, owner: str, name: str) -> Any:
-        """Attribute of a variable, a group, or of the file, whose name is empty; None if there is none."""
-        return None
+    def attributes(self, owner: str) -> Mapping[str, Any]:
+        """Attributes of a variable, a group, or of the file, whose name is empty."""
+        return {}
 
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file."""
@@ -87,7 +76,7 @@ class Contents(ABC):
             return variable
         if name in ("position", "torque"):  # the default, and perhaps the file has position_rad
             with suppress(AmbiguousNameError):
-                return self.require(str(find_variable(name, [*find_variables(self).values()], source="")))
+                return self.require(str(find_variable(name, find_variables(self), source="")))
         raise DataError(
             f"{self.path.name}: there is no variable {name!r}; the file has: {list_names(self.names())}. Name one of "
             "these."
@@ -97,7 +86,7 @@ class Contents(ABC):
         """Variable of a single value beside others, or else attribute; None if there is neither."""
         full = f"{owner}{self.separator}{name}" if owner else name
         variable = self.find(full)
-        if variable is None and (value := self.find_attribute(owner, name)) is not None:
+        if variable is None and (value := self.attributes(owner).get(name)) is not None:
             variable = Variable(full, np.shape(value), lambda _: value)
         return variable if variable is not None and math.prod(variable.shape) == 1 else None
 
@@ -114,15 +103,15 @@ def take_samples(samples: Any, part: slice) -> Any:
     return samples[0, part] if len(samples.shape) == 2 and samples.shape[0] == 1 else samples[part]
 
 
-def find_variables(contents: Contents) -> dict[str, Channel]:
-    """Variables of an open file by their names."""
-    channels = {}
-    for name in islice(contents.names(), MOST_VARIABLES):
-        channels[name] = Channel(name, "", ())
+def find_variables(contents: Contents) -> list[Variable]:
+    """Variables of an open file, without their samples."""
+    variables = []
+    for name in dict.fromkeys(islice(contents.names(), MOST_VARIABLES)):
+        variables.append(Variable(name))
         with suppress(DataError):  # it matters only where this variable is wanted, and is raised there
-            if (variable := contents.find(name)) is not None:
-                channels[name] = Channel(name, variable.unit, tuple(map(int, variable.shape)))
-    return channels
+            if (found := contents.find(name)) is not None:
+                variables[-1] = Variable(name, found.shape, attributes=found.attributes)
+    return variables
 
 
 def select_channels(
@@ -132,7 +121,7 @@ def select_channels(
     rate: float | None = None,
     part: Sequence[int] | None = None,
     roles: Sequence[str] | None = None,
-) -> Iterator[tuple[str, Channel]]:
+) -> Iterator[tuple[str, Variable]]:
     """Read the channels of a trial, its times and its sampling rates, each alone, from an open file.
 
     `variables` are names in the file by channel, `extras` channels that are read if the file has them beside the
@@ -144,7 +133,7 @@ def select_channels(
     parent, dot, _ = selected["torque"].name.rpartition(separator)
     for role in extras:
         if (variable := contents.find(f"{parent}{dot}{role}")) is not None:
-            selected.setdefault(role, variable)
+            selected[role] = variable
     groups = selected["position"].name.split(separator)
     owners = [separator.join(groups[:depth]) for depth in range(len(groups), -1, -1)]  # the nearest first
     times = (contents.find(f"{owner}{separator * bool(owner)}{name}") for owner in owners for name in TIME_NAMES)
@@ -155,14 +144,14 @@ def select_channels(
     for role, variable in selected.items():
         values = _read_numbers(contents, variable, slice(*part) if part else slice(None))
         shape = values.shape if part is None else variable.shape  # of a struct of MATLAB it is not known before
-        yield role, Channel(variable.name, variable.unit, shape, values)
+        yield role, Variable(variable.name, shape, values.__getitem__, variable.attributes)
     if roles is None:
         rates = ([v for name in RATE_NAMES if (v := contents.find_number(owner, name)) is not None] for owner in owners)
         found = next(filter(None, rates), [])
         numbers = {variable.name: _read_rate(source, variable, rate) for variable in found}
         readable = {name: number for name, number in numbers.items() if number is not None}
         if readable:
-            yield RATE, Channel(" and ".join(readable), "Hz", (1,), np.array([*readable.values()]))
+            yield RATE, Variable(" and ".join(readable), read=np.array([*readable.values()]).__getitem__)
 
 
 def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.ndarray:
@@ -188,7 +177,7 @@ def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.nda
 
 def _read_rate(source: str, variable: Variable, stated: float | None) -> float | None:
     """Sampling rate [Hz]; None for what cannot be read, where a rate is stated: it contradicts nothing."""
-    value = np.ravel(np.asarray(variable.read(slice(None))))[0]
+    value = np.ravel(variable.values)[0]
     with suppress(TypeError, ValueError):
         if variable.unit.lower() in HERTZ:
             return float(value)
@@ -217,11 +206,3 @@ def decode(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
 
 
 SCALE = {"scale_factor": 1.0, "add_offset": 0.0}
-
-
-def as_text(value: Any) -> str:
-    """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for what is no text."""
-    array = np.asarray(value)
-    item = array.item() if array.size == 1 else None
-    text = item.decode(errors="replace") if isinstance(item, bytes) else item
-    return text.strip("\x00 \t\r\n") if isinstance(text, str) else ""

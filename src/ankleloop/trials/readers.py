@@ -14,7 +14,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, parse_rate
-from ankleloop.trials.channels import TRUE_TORQUES, Channel, check_unit, time_factor
+from ankleloop.trials.channels import TRUE_TORQUES, Variable, check_unit, time_factor
 from ankleloop.trials.containers import RATE, RATE_NAMES, TIME, TIME_NAMES, find_suffix
 from ankleloop.trials.files import stamp_file
 from ankleloop.trials.reading_options import ReadingOptions
@@ -113,7 +113,7 @@ def parse_options(source: str, **values: Any) -> ReadingOptions:
 
 
 def choose_rate(
-    channels: Mapping[str, Channel],
+    channels: Mapping[str, Variable],
     options: ReadingOptions,
     times: Callable[[], Iterable[np.ndarray]],
     *,

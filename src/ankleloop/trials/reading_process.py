@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.channels import Channel
+from ankleloop.trials.channels import Variable
 from ankleloop.trials.containers import SUFFIXES, Contents, find_suffix, find_variables, select_channels
 from ankleloop.trials.files import UnreadableError, check_readable, has_checksum, stamp_file
 
@@ -52,12 +52,12 @@ ENDS = {
 PathLike = str | os.PathLike[str]
 
 
-def list_variables(path: PathLike, case: int | None = None) -> list[Channel]:
+def list_variables(path: PathLike, case: int | None = None) -> list[Variable]:
     """List the variables of a file of any size: full names, units and shapes."""
     return list(_read(path, "list", case).values())
 
 
-def read_channels(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Channel]:
+def read_channels(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Variable]:
     """Read the channels of a trial from a file, with its times and its sampling rate.
 
     `wanted` is what `containers.select_channels` takes beside the variables and the rate.
@@ -66,7 +66,7 @@ def read_channels(path: PathLike, options: ReadingOptions, **wanted: Any) -> dic
     return _read(path, "read", options.case, variables=variables, rate=options.sampling_rate, **wanted)
 
 
-def _read(path: PathLike, task: str, case: int | None, **wanted: Any) -> dict[str, Channel]:
+def _read(path: PathLike, task: str, case: int | None, **wanted: Any) -> dict[str, Variable]:
     path = Path(path)
     check_readable(path)
     suffix = find_suffix(path)
@@ -144,7 +144,7 @@ def _forget() -> None:
 os.register_at_fork(after_in_child=_forget)
 
 
-def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dict[str, Channel]:
+def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dict[str, Variable]:
     """What the other process reads of a file."""
     global _reader
     stamp, size = stamp_file(path), path.stat().st_size
@@ -166,14 +166,15 @@ def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dic
                 raise DataError(f"{path.name}: the file has changed while it was read: wait until it is whole.")
 
 
-def _exchange(process: subprocess.Popen[bytes], pipe: Connection, request: list[Any], name: str) -> dict[str, Channel]:
+def _exchange(process: subprocess.Popen[bytes], pipe: Connection, request: list[Any], name: str) -> dict[str, Variable]:
     """Send a request about a file, and receive channels."""
     channels = {}
     try:
         pipe.send_bytes(json.dumps(request).encode())
         while isinstance(message := json.loads(pipe.recv_bytes()), list):
             role, variable, unit, shape = message
-            channels[role] = Channel(variable, unit, tuple(shape), np.frombuffer(pipe.recv_bytes(), "<f8"))
+            samples = np.frombuffer(pipe.recv_bytes(), "<f8")
+            channels[role] = Variable(variable, tuple(shape), samples.__getitem__, {"unit": unit})
     except (OSError, EOFError):
         code = process.wait()
         if code in ENDS:
@@ -216,7 +217,7 @@ def _answer(
             for variable in filter(None, map(contents.find, contents.names())):
                 variable.read(slice(None))
             return {"warnings": []}
-        channels = find_variables(contents).items() if task == "list" else select_channels(contents, **wanted)
+        channels = select_channels(contents, **wanted) if task == "read" else enumerate(find_variables(contents))
         for role, channel in channels:
             pipe.send_bytes(json.dumps([role, channel.name, channel.unit, channel.shape]).encode())
             pipe.send_bytes(channel.values.tobytes())
