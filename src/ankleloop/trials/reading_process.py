@@ -24,7 +24,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -32,9 +32,6 @@ from ankleloop.errors import DataError, ResourceError
 from ankleloop.trials.channels import Variable
 from ankleloop.trials.containers import SUFFIXES, Contents, find_suffix, find_variables, select_channels
 from ankleloop.trials.files import UnreadableError, check_readable, has_checksum, stamp_file
-
-if TYPE_CHECKING:
-    from ankleloop.trials.reading_options import ReadingOptions
 
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
 PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
@@ -54,19 +51,14 @@ PathLike = str | os.PathLike[str]
 
 def list_variables(path: PathLike, case: int | None = None) -> list[Variable]:
     """List the variables of a file of any size: full names, units and shapes."""
-    return list(_read(path, "list", case).values())
+    return list(read_channels(path, case, "list").values())
 
 
-def read_channels(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Variable]:
+def read_channels(path: PathLike, case: int | None, task: str = "read", **wanted: Any) -> dict[str, Variable]:
     """Read the channels of a trial from a file, with its times and its sampling rate.
 
-    `wanted` is what `containers.select_channels` takes beside the variables and the rate.
+    `wanted` is what `containers.select_channels` takes beside the open file.
     """
-    variables = {**options.channels, **options.further}
-    return _read(path, "read", options.case, variables=variables, rate=options.sampling_rate, **wanted)
-
-
-def _read(path: PathLike, task: str, case: int | None, **wanted: Any) -> dict[str, Variable]:
     path = Path(path)
     check_readable(path)
     suffix = find_suffix(path)
