@@ -110,19 +110,17 @@ def normalise_unit(text: str) -> str:
 
 def check_unit(role: str, name: str, stated: str, position_unit: str, *, source: str) -> None:
     """Refuse a channel whose unit, as the file states it, is another one than it is read with."""
-    fault = f"{source}: {name} is in {stated!r} according to the file"
-    if role.startswith("torque"):
-        if stated and normalise_unit(stated) != "N·m":
-            raise DataError(f"{fault}: convert it to N·m.")
+    is_torque = role.startswith("torque")
+    unit = normalise_unit(stated) if is_torque else find_position_unit(name, stated) or stated
+    if unit in ("", "N·m" if is_torque else position_unit):
         return
-    unit = find_position_unit(name, stated)
-    if unit is None and stated:
-        raise DataError(f"{fault}: convert it to rad or deg.")
-    if unit not in (None, position_unit):
-        raise DataError(
-            f"{source}: {name} is in {unit!r} according to the file, but position_unit is {position_unit!r}: pass "
-            f"position_unit={unit!r} to read_trial, or convert it."
-        )
+    if is_torque:
+        remedy = ": convert it to N·m"
+    elif unit in ANGLES.values():
+        remedy = f", but position_unit is {position_unit!r}: pass position_unit={unit!r} to read_trial, or convert it"
+    else:
+        remedy = ": convert it to rad or deg"
+    raise DataError(f"{source}: {name} is in {unit!r} according to the file{remedy}.")
 
 
 def find_position_unit(name: str, stated: str) -> str | None:

@@ -214,14 +214,9 @@ def _checksum_line(path: PathLike, size: int) -> bytes:
 
 def write_csv(table: pd.DataFrame, path: PathLike, *, overwrite: bool = False) -> None:
     """Write a table; text in it that begins like a formula gets a quote in front."""
+    texts = table.select_dtypes(exclude=["number", "bool"])
     with atomic_file(path, overwrite=overwrite) as partial:
-        quote_formulas(table).to_csv(partial, index=False, lineterminator="\n")
-
-
-def quote_formulas(table: pd.DataFrame) -> pd.DataFrame:
-    """A table with a quote in front of text that a spreadsheet would take for a formula."""
-    texts = table.select_dtypes(exclude=["number", "bool"]).columns
-    return table.assign(**{name: table[name].map(_quote) for name in texts})
+        table.assign(**texts.map(_quote)).to_csv(partial, index=False, lineterminator="\n")
 
 
 def _quote(value: Any) -> Any:

@@ -96,22 +96,20 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
 @contextmanager
 def _open(path: Path) -> Iterator[tuple[dict[tuple[str, int], Any], Any]]:
     """The rows of a trial file by point and number, and a function that reads one; errors name the file."""
-    import h5netcdf
-
     with (
         readable_file(path, "trial file", "delete it and run again") as readable,
-        h5netcdf.File(readable, decode_vlen_strings=True) as file,
+        # Decoding by the CF conventions could change samples and attributes.
+        xr.open_dataset(readable, engine="h5netcdf", decode_cf=False) as file,
     ):
-        rows = {(point, number): (k, *rest) for k, (point, number, *rest) in enumerate(map(json.loads, file[INDEX][:]))}
-        signals = {name: (data, dict(data.attrs)) for name, data in file.variables.items() if data.ndim == 2}
+        texts = file[INDEX].values.tolist()
+        rows = {(point, number): (k, *rest) for k, (point, number, *rest) in enumerate(map(json.loads, texts))}
+        signals = file.drop_vars(INDEX).drop_encoding()
 
         def read(point: str, number: int) -> xr.Dataset | str:
             row, attributes, reason = rows[point, number]
             if reason:
                 return str(reason)
-            samples = {name: ("time", data[row].astype(float), attrs) for name, (data, attrs) in signals.items()}
-            time = ("time", file["time"][:], dict(file["time"].attrs))
-            trial = xr.Dataset(samples, {"time": time}, attributes)
+            trial = signals.isel(trial=row).astype(float).assign_attrs(attributes)
             return validate(trial, source=f"{path}, trial {number} of {point}")
 
         yield rows, read
