@@ -14,11 +14,11 @@ import numpy as np
 import scipy.io
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import LISTED, Variable
+from ankleloop.trials.channels import LISTED, Variable, as_text
 from ankleloop.trials.containers import Contents, take_samples
 from ankleloop.trials.files import UnreadableError
 
-NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 TYPES = {4: "<f4", 2: "<i2", -2: "<u2"}  # of the samples of FLB files, by their format
 LEVELS = 65535  # of format -2, from the lower end of the range to the upper one
 
@@ -38,7 +38,7 @@ class Hdf5Contents(Contents):
     def find(self, name: str) -> Variable | None:
         """Variable of a full name; None if there is none."""
         node = self._resolve(name)
-        if not isinstance(node, h5py.Dataset) or _is_only_dimension(node):
+        if not _is_variable(node):
             return None
         if node.is_virtual or node.external or node.file.filename != self._file.filename:
             raise DataError(
@@ -50,13 +50,9 @@ class Hdf5Contents(Contents):
     def names(self) -> Iterable[str]:
         """Full names of the variables; MATLAB's internals, #refs# and #subsystem#, are left out."""
         names: list[str] = []
-
-        def visit(name: str, node: Any) -> None:
-            if isinstance(node, h5py.Dataset) and not name.startswith("#") and not _is_only_dimension(node):
-                names.append(name.replace("/", self.separator))
-
-        self._file.visititems(visit)
-        return names
+        self._file.visit(names.append)
+        variables = (name for name in names if not name.startswith("#") and _is_variable(self._file[name]))
+        return [name.replace("/", self.separator) for name in variables]
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, a group, or of the file, whose name is empty."""
@@ -67,10 +63,9 @@ class Hdf5Contents(Contents):
         return self._file.get(name.replace(self.separator, "/") or "/")
 
 
-def _is_only_dimension(data: h5py.Dataset) -> bool:
-    """Whether a data set stands for a dimension of NetCDF that has no variable: its zeros are no times."""
-    label = data.attrs.get("NAME", b"")
-    return isinstance(label, bytes) and label.startswith(NO_VARIABLE)
+def _is_variable(node: Any) -> bool:
+    """Whether an object is a data set, and not the zeros of a dimension of NetCDF that has no variable."""
+    return isinstance(node, h5py.Dataset) and not as_text(node.attrs.get("NAME")).startswith(NO_VARIABLE)
 
 
 class MatContents(Contents):

@@ -95,11 +95,10 @@ def check_size(samples: int, name: str) -> None:
         )
 
 
-def find_unit_in_name(name: str, units: tuple[str, ...]) -> str:
-    """Unit at the end of a name, behind an underscore or in brackets, or the empty string."""
+def find_unit_in_name(name: str) -> str:
+    """What may be a unit at the end of a name, behind an underscore or in brackets, or the empty string."""
     match = re.search(r"(?:_|[\[(])\s*([^\W_]+|°)\s*[\])]?\s*$", name)
-    unit = match.group(1).lower() if match else ""
-    return unit if unit in units else ""
+    return match.group(1).lower() if match else ""
 
 
 def normalise_unit(text: str) -> str:
@@ -125,19 +124,15 @@ def check_unit(role: str, name: str, stated: str, position_unit: str, *, source:
 
 def find_position_unit(name: str, stated: str) -> str | None:
     """Unit of a position as the file states it, or else its name."""
-    return ANGLES.get(stated.lower() or find_unit_in_name(name, tuple(ANGLES)))
+    return ANGLES.get(stated.lower() or find_unit_in_name(name))
 
 
 def time_factor(name: str, stated: str, *, source: str) -> float | None:
     """Seconds per unit of a time column; None if neither the file nor the name of the column states its unit."""
-    unit = stated.lower().split(" since ")[0].strip() or find_unit_in_name(name, tuple(TIME_UNITS))
+    unit = stated.lower().split(" since ")[0].strip()
     if unit and unit not in TIME_UNITS:
         raise DataError(f"{source}: {name} is in {stated!r} according to the file: write it in seconds, ms or µs.")
-    return TIME_UNITS.get(unit)
-
-
-class AmbiguousNameError(DataError):
-    """A channel that the names of the variables leave open."""
+    return TIME_UNITS.get(unit or find_unit_in_name(name))
 
 
 def find_variable(channel: str, variables: Sequence[Variable], *, source: str, taken: Iterable[str] = ()) -> str | None:
@@ -152,12 +147,12 @@ def find_variable(channel: str, variables: Sequence[Variable], *, source: str, t
         return fitting[0]
     if fitting:
         text = f"{len(fitting)} variables may be the {channel}: {list_names(fitting)}. Name one of them."
-        raise AmbiguousNameError(f"{source}: {text}")
+        raise DataError(f"{source}: {text}")
     if channel == "reference":
         return None
     text = f"no variable is called {' or '.join(WORDS[channel])}, so that it would be the {channel}; the file has: "
     names = list_names(variable.name for variable in variables if _is_signal(variable))
-    raise AmbiguousNameError(f"{source}: {text}{names}. Name one of these.")
+    raise DataError(f"{source}: {text}{names}. Name one of these.")
 
 
 def _is_signal(variable: Variable) -> bool:

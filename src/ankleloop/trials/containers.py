@@ -16,14 +16,7 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import (
-    AmbiguousNameError,
-    Variable,
-    as_text,
-    check_size,
-    find_variable,
-    list_names,
-)
+from ankleloop.trials.channels import Variable, as_text, check_size, find_variable, list_names
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
 # Upper and lower case count: T is often the torque, not the time.
@@ -75,7 +68,7 @@ class Contents:
         if variable is not None:
             return variable
         if name in ("position", "torque"):  # the default, and perhaps the file has position_rad
-            with suppress(AmbiguousNameError):
+            with suppress(DataError):
                 return self.require(str(find_variable(name, find_variables(self), source="")))
         raise DataError(
             f"{self.path.name}: there is no variable {name!r}; the file has: {list_names(self.names())}. Name one of "

@@ -16,7 +16,7 @@ from ankleloop.trials.files import atomic_netcdf
 from ankleloop.trials.reading_process import readable_file
 from ankleloop.trials.validation import validate
 
-INDEX = "index"  # variable with point and number of each trial, its attributes, and why it is missing, as JSON
+INDEX = "index"  # variable with point and number of each trial, and its attributes or why it is missing, as JSON
 
 Path = str | os.PathLike[str]
 
@@ -45,8 +45,8 @@ def save_trials(
     with atomic_netcdf(path, overwrite=overwrite) as file:
         file.dimensions = {"trial": len(index)}
         for row, (trial, (point, number)) in enumerate(zip(trials, index, strict=True)):
+            rows.append(json.dumps([point, number, trial if isinstance(trial, str) else trial.attrs]))
             if isinstance(trial, str):
-                rows.append(json.dumps([point, number, {}, trial]))
                 continue
             if "time" not in file.variables:
                 size = file.dimensions["time"] = trial.sizes["time"]
@@ -55,7 +55,6 @@ def save_trials(
                     file.create_variable(name, ("trial", "time"), np.dtype(precision), chunks=(1, size))
                 for name, variable in trial.variables.items():
                     file[name].attrs.update(variable.attrs)
-            rows.append(json.dumps([point, number, trial.attrs, ""]))
             for name in map(str, trial.data_vars):
                 values = trial.variables[name].values
                 if values.any():  # what is not written is zero
@@ -102,14 +101,14 @@ def _open(path: Path) -> Iterator[tuple[dict[tuple[str, int], Any], Any]]:
         xr.open_dataset(readable, engine="h5netcdf", decode_cf=False) as file,
     ):
         texts = file[INDEX].values.tolist()
-        rows = {(point, number): (k, *rest) for k, (point, number, *rest) in enumerate(map(json.loads, texts))}
+        rows = {(point, number): (row, content) for row, (point, number, content) in enumerate(map(json.loads, texts))}
         signals = file.drop_vars(INDEX).drop_encoding()
 
         def read(point: str, number: int) -> xr.Dataset | str:
-            row, attributes, reason = rows[point, number]
-            if reason:
-                return str(reason)
-            trial = signals.isel(trial=row).astype(float).assign_attrs(attributes)
+            row, content = rows[point, number]
+            if isinstance(content, str):
+                return content
+            trial = signals.isel(trial=row).astype(float).assign_attrs(content)
             return validate(trial, source=f"{path}, trial {number} of {point}")
 
         yield rows, read
