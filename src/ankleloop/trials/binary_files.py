@@ -14,8 +14,7 @@ import numpy as np
 import scipy.io
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import LISTED, Variable, as_text
-from ankleloop.trials.containers import Contents, take_samples
+from ankleloop.trials.channels import LISTED, Contents, Variable, as_text, take_samples
 from ankleloop.trials.files import UnreadableError
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"

@@ -16,8 +16,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import Variable, check_size
-from ankleloop.trials.containers import Contents
+from ankleloop.trials.channels import Contents, Variable, check_size
 
 LAST = 101  # rows whose digits are compared
 

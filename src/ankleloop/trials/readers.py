@@ -14,13 +14,20 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, parse_rate
-from ankleloop.trials.channels import TRUE_TORQUES, Variable, check_unit, time_factor
-from ankleloop.trials.containers import RATE, RATE_NAMES, TIME, TIME_NAMES, find_suffix
+from ankleloop.trials.channels import (
+    RATE,
+    RATE_NAMES,
+    TIME,
+    TIME_NAMES,
+    TRUE_TORQUES,
+    Variable,
+    check_unit,
+    time_factor,
+)
 from ankleloop.trials.files import stamp_file
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.trial import check_shape, check_sizes, new_trial
-from ankleloop.trials.validation import check_samples
+from ankleloop.trials.trial import check_samples, check_shape, check_sizes, new_trial
 
 LONG_SUFFIXES = (".h5", ".hdf5", ".nc", ".flb")  # of long records
 BLOCK = 250_000  # samples of them that are checked at a time
@@ -113,7 +120,7 @@ def parse_options(owner: str, source: str, values: Mapping[str, Any]) -> Reading
 
 
 def _read(path: Path, options: ReadingOptions, **wanted: Any) -> dict[str, Variable]:
-    """Read channels of a file; `wanted` is what `containers.select_channels` takes beside names and rate."""
+    """Read channels of a file; `wanted` is what `channels.select_channels` takes beside names and rate."""
     return read_channels(path, options.case, variables=options.names, rate=options.sampling_rate, **wanted)
 
 
@@ -197,7 +204,7 @@ class LongRecord:
     Examples
     --------
     >>> import tempfile
-    >>> from ankleloop.trials.trial import new_trial, save_trial
+    >>> from ankleloop import new_trial, save_trial
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_trial(new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0), f"{folder}/trial.nc")
     ...     record = LongRecord(f"{folder}/trial.nc", reference=None)
@@ -218,7 +225,7 @@ class LongRecord:
         source, mapping = self.path.name, {"sampling_rate": sampling_rate, "reference": reference, **mapping}
         self.options = parse_options("LongRecord", source, mapping)
         self.reference = self.options.reference
-        if find_suffix(self.path) not in LONG_SUFFIXES:
+        if not self.path.name.lower().endswith(LONG_SUFFIXES):
             raise DataError(f"{source}: long records are read from {', '.join(LONG_SUFFIXES)}; convert it first.")
         channels = _read(self.path, self.options, part=(0, 1))
         self._stamp = stamp_file(self.path)

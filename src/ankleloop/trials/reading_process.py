@@ -29,8 +29,7 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.channels import Variable
-from ankleloop.trials.containers import SUFFIXES, Contents, find_suffix, find_variables, select_channels
+from ankleloop.trials.channels import SUFFIXES, Contents, Variable, find_suffix, find_variables, select_channels
 from ankleloop.trials.files import UnreadableError, check_readable, has_checksum, stamp_file
 
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
@@ -57,7 +56,7 @@ def list_variables(path: PathLike, case: int | None = None) -> list[Variable]:
 def read_channels(path: PathLike, case: int | None, task: str = "read", **wanted: Any) -> dict[str, Variable]:
     """Read the channels of a trial from a file, with its times and its sampling rate.
 
-    `wanted` is what `containers.select_channels` takes beside the open file.
+    `wanted` is what `channels.select_channels` takes beside the open file.
     """
     path = Path(path)
     check_readable(path)

@@ -1,4 +1,4 @@
-"""Trial files: trials of equal length in one file, each with its point of a study and its number there."""
+"""Files of trials: one trial, or those of a study, of equal length, each with its point and its number there."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.files import atomic_netcdf
+from ankleloop.options import check_flag, check_path
+from ankleloop.trials.files import atomic_netcdf, write_netcdf
 from ankleloop.trials.reading_process import readable_file
-from ankleloop.trials.validation import validate
+from ankleloop.trials.trial import validate
 
 INDEX = "index"  # variable with point and number of each trial, and its attributes or why it is missing, as JSON
 
@@ -22,6 +23,73 @@ Path = str | os.PathLike[str]
 
 
 Trials = Iterator[tuple[str, int, xr.Dataset | str]]  # point and number of each; a text says why there is no trial
+
+
+def save_trial(trial: xr.Dataset, path: Path, *, overwrite: bool = False) -> None:
+    """Save a trial as a NetCDF-4 file.
+
+    The file appears under its name only when it is complete, so that a crash never leaves half a trial.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        A trial, shape (N,) per variable.
+    path : str or pathlib.Path
+        The file to write, in a folder that exists.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
+
+    Raises
+    ------
+    DataError
+        If the trial is not valid, the file exists, or it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> trial = new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_trial(trial, f"{folder}/trial.nc")
+    ...     load_trial(f"{folder}/trial.nc").identical(trial)
+    True
+    """
+    path = check_path("save_trial", "path", path)
+    check_flag("save_trial", "overwrite", overwrite)
+    trial = validate(trial, source=path.name)
+    write_netcdf({"": trial}, path, overwrite=overwrite)
+
+
+def load_trial(path: Path) -> xr.Dataset:
+    """Load a trial that `save_trial` wrote: same bits, same attributes.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The NetCDF file. Files of other origin are read by `ankleloop.trials.readers.read_trial`.
+
+    Returns
+    -------
+    xarray.Dataset
+        The trial, shape (N,) per variable [rad, N·m] over `time` [s].
+
+    Raises
+    ------
+    DataError
+        If the file does not exist, is not NetCDF-4, or does not hold a valid trial.
+
+    Examples
+    --------
+    >>> load_trial("nowhere.nc")
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
+    """
+    path = check_path("load_trial", "path", path)
+    with readable_file(path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial") as file:
+        # Decoding by the CF conventions could change samples and attributes.
+        trial = xr.load_dataset(file, engine="h5netcdf", decode_cf=False).drop_encoding()
+        trial.attrs.update({name: value.item() for name, value in trial.attrs.items() if isinstance(value, np.generic)})
+        return validate(trial, source=path.name)
 
 
 def save_trials(

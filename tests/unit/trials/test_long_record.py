@@ -12,7 +12,7 @@ from scipy.io import netcdf_file
 
 from ankleloop import DataError, LongRecord, read_trial
 from ankleloop.trials import readers
-from ankleloop.trials.validation import check_samples, validate
+from ankleloop.trials.trial import check_samples, validate
 
 RATE = 1000.0
 N = 1000

@@ -11,10 +11,10 @@ import pytest
 import scipy.io
 import xarray as xr
 
+from ankleloop import new_trial, save_trial
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import TRUE_TORQUES
 from ankleloop.trials.readers import read_trial
-from ankleloop.trials.trial import new_trial, save_trial
 
 RATE = 500.0
 T = np.arange(300) / RATE
