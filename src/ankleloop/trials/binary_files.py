@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -114,19 +113,6 @@ class ClassicNetcdfContents(Contents):
         return getattr(self._file.variables.get(owner) if owner else self._file, "_attributes", {})
 
 
-@dataclass(frozen=True)
-class _Case:
-    """What stands before the samples of a case of an FLB file, and where they begin."""
-
-    names: list[str]  # of the channels, of each realization
-    length: int  # samples of a channel
-    type: str  # of the samples, a key of numpy
-    rate: float  # Hz
-    comment: str
-    ranges: np.ndarray  # lowest and highest value of each channel, shape (2, channels)
-    start: int  # byte at which the samples begin
-
-
 class FlbContents(Contents):
     """Channels of one case of an FLB file ("filelb"), a sequence of cases (trials) of named channels of equal length.
 
@@ -139,36 +125,24 @@ class FlbContents(Contents):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path)
-        size = path.stat().st_size
+        cases: list[tuple[list[Variable], float, str]] = []
         with open(path, "rb") as file:
-            cases = [_read_case(file, size, 1)]
-            while size - file.tell() >= 4:
-                cases.append(_read_case(file, size, len(cases) + 1))
+            while not cases or path.stat().st_size - file.tell() >= 4:
+                cases.append(_read_case(file, path.stat().st_size, len(cases) + 1))
         if case is None and len(cases) > 1:
-            listed = "; ".join(
-                f"case {k}: {', '.join(c.names)}, {c.length / c.rate:.4g} s at {c.rate:g} Hz, {c.comment[:60]!r}"
-                for k, c in enumerate(cases[:LISTED], 1)
-            )
+            listed = "; ".join(text for _, _, text in cases[:LISTED])
             raise DataError(f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.")
         if (case or 1) > len(cases):
             raise DataError(f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1.")
-        chosen = cases[(case or 1) - 1]
-        self._rate = chosen.rate
-        samples = np.memmap(path, chosen.type, "r", chosen.start, (len(chosen.names), chosen.length))
-        for channel, name in enumerate(chosen.names):
-            scale = {}
-            if chosen.type == TYPES[-2]:
-                low, high = chosen.ranges[:, channel % chosen.ranges.shape[1]]
-                scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low}
-            self.variables.append(Variable(name, (chosen.length,), samples[channel].__getitem__, scale))
+        self.variables, self._rate, _ = cases[(case or 1) - 1]
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """The sampling rate, which belongs to the file."""
         return {} if owner else {"sampling_rate": self._rate}
 
 
-def _read_case(file: BinaryIO, size: int, number: int) -> _Case:
-    """Read what describes the next case, and go to its end."""
+def _read_case(file: BinaryIO, size: int, number: int) -> tuple[list[Variable], float, str]:
+    """Channels of the next case, their rate [Hz] and what they are, for a list of cases; go to its end."""
 
     def read(kind: str, count: int = 1) -> np.ndarray:
         length = np.dtype(kind).itemsize * count
@@ -195,9 +169,16 @@ def _read_case(file: BinaryIO, size: int, number: int) -> _Case:
         raise UnreadableError(f"case {number} has no samples, or no sampling interval")
     if realizations > 1:
         names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
+    rate = 1.0 / interval
+    rate = float(round(rate)) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
     start = file.tell()
     if file.seek(length * len(names) * np.dtype(TYPES[kind]).itemsize, io.SEEK_CUR) > size:
         raise UnreadableError(f"case {number} is cut off")
-    rate = 1.0 / interval
-    rate = round(rate) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
-    return _Case(names, length, TYPES[kind], float(rate), comment, ranges, start)
+    samples = np.memmap(file.name, TYPES[kind], "r", start, (len(names), length))
+    variables = []
+    for channel, name in enumerate(names):
+        low, high = ranges[:, channel % channels]
+        scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low} if kind == -2 else {}
+        variables.append(Variable(name, (length,), samples[channel].__getitem__, scale))
+    text = f"case {number}: {', '.join(names)}, {length / rate:.4g} s at {rate:g} Hz, {comment[:60]!r}"
+    return variables, rate, text

@@ -25,7 +25,6 @@ REQUIRED = ("position", "torque")
 SMALLEST, LARGEST = 1e-15, 1e15  # of a channel, rad or N·m
 MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usually in degrees
 MAX_DEGREE = 10  # of a drift
-PLAIN = (str, bool, int, float)  # attributes that need no conversion: a simulated trial has dozens
 
 
 def new_trial(
@@ -78,10 +77,10 @@ def new_trial(
     for name, value in {"position": position, "torque": torque, "reference": reference, **extras}.items():
         if value is None and name not in REQUIRED:
             continue
-        if name in CHANNELS or (type(value) not in PLAIN and np.ndim(_as_masked_array(value)) > 0):
+        if name in CHANNELS or isinstance(value, list | tuple) or np.ndim(value) > 0:
             arrays[name] = as_signal(value, name, source=source)
         else:
-            attributes[name] = _as_attribute(value, name, source)
+            attributes[name] = _as_attribute(np.asarray(value).item(), name, source)
     check_sizes({name: array.size for name, array in arrays.items()}, source=source)
     time = np.arange(arrays["position"].size) / rate
     trial = xr.Dataset(
@@ -151,7 +150,10 @@ def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
 
     Shapes: values (N,); returns (N,).
     """
-    array = _as_masked_array(values)
+    try:
+        array = values if isinstance(values, np.ma.MaskedArray) else np.ma.asarray(np.asarray(values))
+    except (TypeError, ValueError):  # lists of different lengths
+        array = np.ma.asarray(np.array(None))
     if array.dtype.kind not in "iuf":
         raise DataError(f"{source}: {name} is of type {array.dtype}, not real numbers: convert it, or choose another.")
     check_shape(array.shape, name, source=source)
@@ -168,17 +170,8 @@ def check_shape(shape: tuple[int, ...], name: str, *, source: str) -> int:
     return size
 
 
-def _as_masked_array(values: Any) -> np.ma.MaskedArray[Any, Any]:
-    """Masked array of the values; a ragged list becomes an array of objects, which `as_signal` refuses by its name."""
-    try:
-        return values if isinstance(values, np.ma.MaskedArray) else np.ma.asarray(np.asarray(values))
-    except (TypeError, ValueError):
-        return np.ma.asarray(np.array([values, None], dtype=object))
-
-
 def _as_attribute(value: Any, name: str, source: str) -> int | float | str:
-    """Plain int, float or str, the types that every NetCDF library writes."""
-    value = value if type(value) in PLAIN else np.asarray(value).item()
+    """An int, a float or a str, the types that every NetCDF library writes."""
     if isinstance(value, bool):
         return int(value)
     if isinstance(value, float | str) or (isinstance(value, int) and -(2**63) <= value < 2**63):
