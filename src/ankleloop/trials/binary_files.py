@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -172,7 +171,7 @@ def _read_case(file: BinaryIO, size: int, number: int) -> tuple[list[Variable], 
     rate = 1.0 / interval
     rate = float(round(rate)) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
     start = file.tell()
-    if file.seek(length * len(names) * np.dtype(TYPES[kind]).itemsize, io.SEEK_CUR) > size:
+    if file.seek(start + length * len(names) * np.dtype(TYPES[kind]).itemsize) > size:
         raise UnreadableError(f"case {number} is cut off")
     samples = np.memmap(file.name, TYPES[kind], "r", start, (len(names), length))
     variables = []

@@ -281,21 +281,20 @@ def find_variables(contents: Contents) -> list[Variable]:
 def select_channels(
     contents: Contents,
     variables: Mapping[str, str],
-    extras: Sequence[str] = (),
     rate: float | None = None,
     part: Sequence[int] | None = None,
     roles: Sequence[str] | None = None,
 ) -> Iterator[tuple[str, Variable]]:
     """Read the channels of a trial, its times and its sampling rates, each alone, from an open file.
 
-    `variables` are names in the file by channel, `extras` channels that are read if the file has them beside the
-    torque, `rate` is what the caller states [Hz], `part` the first sample and the one before which reading ends, and
-    `roles` what is read of all this.
+    `variables` are names in the file by channel, `rate` is what the caller states [Hz], `part` the first sample and the
+    one before which reading ends, and `roles` what is read of all this. The true torques of a simulation are read
+    where a whole file has them beside the torque.
     """
     selected = {role: contents.require(name) for role, name in variables.items()}
     source, separator = contents.path.name, contents.separator
     parent, dot, _ = selected["torque"].name.rpartition(separator)
-    for role in extras:
+    for role in TRUE_TORQUES if part is None else ():
         if (variable := contents.find(f"{parent}{dot}{role}")) is not None:
             selected[role] = variable
     groups = selected["position"].name.split(separator)
@@ -307,7 +306,7 @@ def select_channels(
     selected = {role: variable for role, variable in selected.items() if roles is None or role in roles}
     for role, variable in selected.items():
         values = _read_numbers(contents, variable, slice(*part) if part else slice(None))
-        shape = values.shape if part is None else variable.shape  # of a struct of MATLAB it is not known before
+        shape = values.shape if part is None else variable.shape  # cells with line ends make a table shorter
         yield role, Variable(variable.name, shape, values.__getitem__, variable.attributes)
     if roles is None:
         rates = ([v for name in RATE_NAMES if (v := contents.find_number(owner, name)) is not None] for owner in owners)
@@ -364,8 +363,7 @@ def decode(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
         values = values.view(values.dtype.str.replace("i", "u"))  # the markers have the signed type as stored
     if {"scale_factor", "add_offset"} & {*attributes}:
         factor, offset = (np.asarray(attributes.get(key, default)).item() for key, default in SCALE.items())
-        with np.errstate(over="ignore"):  # an infinite sample is refused by its number later on
-            values = values.astype(float) * factor + offset
+        values = values.astype(float) * factor + offset
     return np.where(missing, np.nan, values) if missing.any() else values
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import gzip
 import re
-import warnings
 from collections import deque
 from collections.abc import Iterator
 from functools import partial
@@ -36,18 +35,15 @@ class CsvContents(Contents):
         self._header_line, self._rows, self._longest = 0, 0, 0
         self._last: deque[tuple[int, str]] = deque(maxlen=LAST)  # numbered lines
         self._measure()
-        self.variables = [
-            Variable(name, (self._rows,), partial(self._read, column)) for column, name in enumerate(self._header)
-        ]
+        columns = enumerate(self._header)
+        self.variables = [Variable(name, (self._rows,), partial(self._read, column)) for column, name in columns]
 
     def _read(self, column: int, part: slice) -> np.ndarray:
         """Numbers of a column, or objects where some are text."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text among numbers is refused by its line
-            frame = pd.read_csv(
-                self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest),
-                index_col=False, skipinitialspace=True, skip_blank_lines=True,
-            )  # fmt: skip
+        frame = pd.read_csv(
+            self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest),
+            index_col=False, skipinitialspace=True, skip_blank_lines=True,
+        )  # fmt: skip
         self._check_last_cell(column)
         return frame[column].to_numpy()[part]
 
@@ -119,5 +115,4 @@ def _split(line: str) -> list[str]:
 
 def _decimals(text: str) -> int:
     """Digits behind the point."""
-    mantissa = text.lower().partition("e")[0]
-    return len(mantissa.partition(".")[2])
+    return len(text.lower().partition("e")[0].partition(".")[2])

@@ -142,9 +142,8 @@ def _netcdf_sink(path: PathLike, overwrite: bool) -> Iterator[_Sink]:
     with atomic_file(path, overwrite=overwrite) as partial:
         with _Sink(partial, "xb+") as sink:
             yield sink
-        line = _checksum_line(partial, os.stat(partial).st_size)
         with open(partial, "ab") as file:
-            file.write(line)
+            file.write(_checksum_line(partial, file.tell()))
 
 
 @contextmanager
@@ -167,12 +166,13 @@ def write_netcdf(groups: Mapping[str, xr.Dataset], path: PathLike, *, overwrite:
         tree.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
 
 
-def check_readable(path: PathLike) -> None:
+def check_readable(path: PathLike) -> Path:
     """Refuse a path from which no file can be read."""
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise DataError(f"{path}: this is a folder or a device, no file: check the path.")
         open(path, "rb").close()
+        return Path(path)
     except FileNotFoundError:
         raise DataError(f"{path}: there is no such file: check the path.") from None
     except OSError as cause:
@@ -189,10 +189,8 @@ def stamp_file(path: PathLike) -> tuple[int, ...]:
 def has_checksum(path: PathLike) -> bool:
     """Whether a file ends with a checksum; one whose content is not the one that was written is unreadable."""
     size = os.stat(path).st_size - LENGTH
-    if size < 0:
-        return False
     with open(path, "rb") as file:
-        file.seek(size)
+        file.seek(max(size, 0))
         line = file.read(LENGTH)
     if line.startswith(MARK) and line != _checksum_line(path, size):
         raise UnreadableError("its checksum is wrong: bytes have changed since it was written")

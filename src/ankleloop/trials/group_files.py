@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import as_text
-from ankleloop.trials.files import UnreadableError, atomic_file, write_netcdf
+from ankleloop.trials.files import PathLike, UnreadableError, atomic_file, write_netcdf
 from ankleloop.trials.reading_process import readable_file
 
 SUFFIXES = (".nc", ".mat")
@@ -45,23 +44,21 @@ class Fields:
         return as_text(self.values[name])
 
 
-def write_groups(
-    groups: Mapping[str, xr.Dataset], path: str | os.PathLike[str], variable: str, *, overwrite: bool = False
-) -> None:
+def write_groups(groups: Mapping[str, xr.Dataset], path: PathLike, variable: str, *, overwrite: bool = False) -> None:
     """Write groups of variables to one file; it appears when it is complete."""
     path = _check_suffix(path)
     if path.suffix == ".mat":
-        import scipy.io  # here, because its import takes time and workflow jobs do not need it
+        from scipy.io import savemat  # here, because its import takes time and workflow jobs do not need it
 
         structs = {group: _as_struct(data) for group, data in groups.items()}
         struct = structs.pop("", {}) | {group: fields or np.empty((0, 0)) for group, fields in structs.items()}
         with atomic_file(path, overwrite=overwrite) as partial:
-            scipy.io.savemat(partial, {variable: struct}, False, do_compression=True, long_field_names=True)
+            savemat(partial, {variable: struct}, False, do_compression=True, long_field_names=True, oned_as="column")
     else:
         write_netcdf(groups, path, overwrite=overwrite)
 
 
-def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields]:
+def read_groups(path: PathLike, variable: str) -> dict[str, Fields]:
     """Read a file of groups."""
     path = _check_suffix(path)
     with readable_file(path, f"{path.suffix} file", "restore it from a copy, or write it again") as readable:
@@ -72,7 +69,7 @@ def read_groups(path: str | os.PathLike[str], variable: str) -> dict[str, Fields
     }
 
 
-def _check_suffix(path: str | os.PathLike[str]) -> Path:
+def _check_suffix(path: PathLike) -> Path:
     path = Path(path)
     if path.suffix not in SUFFIXES:
         raise DataError(f"{path.name}: the file ends in {path.suffix or 'no suffix'}: take {' or '.join(SUFFIXES)}.")
@@ -94,10 +91,7 @@ def _as_struct(data: xr.Dataset) -> dict[str, Any]:
     fields = {str(name): float(value) if isinstance(value, int) else value for name, value in data.attrs.items()}
     for name, variable in data.variables.items():
         array = variable.values.astype(object if variable.dtype.kind in "OU" else float)
-        if array.ndim == 0:
-            fields[str(name)] = array.item()
-        else:
-            fields[str(name)] = array[:, None] if array.ndim == 1 else array
+        fields[str(name)] = array if array.ndim else array.item()
     return fields
 
 

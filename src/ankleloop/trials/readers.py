@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,17 +13,8 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, parse_rate
-from ankleloop.trials.channels import (
-    RATE,
-    RATE_NAMES,
-    TIME,
-    TIME_NAMES,
-    TRUE_TORQUES,
-    Variable,
-    check_unit,
-    time_factor,
-)
-from ankleloop.trials.files import stamp_file
+from ankleloop.trials.channels import RATE, RATE_NAMES, TIME, TIME_NAMES, Variable, check_unit, time_factor
+from ankleloop.trials.files import PathLike, stamp_file
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_samples, check_shape, check_sizes, new_trial
@@ -35,7 +25,7 @@ LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
 
 
 @show_fields(ReadingOptions)
-def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
+def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     r"""Read a trial from a file.
 
     The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`, `.flb`.
@@ -93,7 +83,7 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
     """
     path = check_path("read_trial", "path", path)
     options = parse_options("read_trial", path.name, mapping)
-    channels = _read(path, options, extras=TRUE_TORQUES)
+    channels = _read(path, options)
     times = [channels[TIME].values] if TIME in channels else []
     rate = choose_rate(channels, options, times, source=path.name)
     trial = new_trial(
@@ -125,11 +115,7 @@ def _read(path: Path, options: ReadingOptions, **wanted: Any) -> dict[str, Varia
 
 
 def choose_rate(
-    channels: Mapping[str, Variable],
-    options: ReadingOptions,
-    times: Iterable[np.ndarray],
-    *,
-    source: str,
+    channels: Mapping[str, Variable], options: ReadingOptions, times: Iterable[np.ndarray], *, source: str
 ) -> float:
     """Check units and shapes of channels, and choose the sampling rate: the stated one, else that of the times.
 
@@ -214,12 +200,7 @@ class LongRecord:
 
     @show_fields(ReadingOptions)
     def __init__(
-        self,
-        path: str | os.PathLike[str],
-        sampling_rate: float | None = None,
-        *,
-        reference: str | None = "reference",
-        **mapping: Any,
+        self, path: PathLike, sampling_rate: float | None = None, *, reference: str | None = "reference", **mapping: Any
     ) -> None:
         self.path = check_path("LongRecord", "path", path)
         source, mapping = self.path.name, {"sampling_rate": sampling_rate, "reference": reference, **mapping}

@@ -21,8 +21,7 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,7 @@ import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
 from ankleloop.trials.channels import SUFFIXES, Contents, Variable, find_suffix, find_variables, select_channels
-from ankleloop.trials.files import UnreadableError, check_readable, has_checksum, stamp_file
+from ankleloop.trials.files import PathLike, UnreadableError, check_readable, has_checksum, stamp_file
 
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
 PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
@@ -45,8 +44,6 @@ ENDS = {
     -signal.SIGALRM: "it was not read in time: the computer is busy, or the disk slow",
 }
 
-PathLike = str | os.PathLike[str]
-
 
 def list_variables(path: PathLike, case: int | None = None) -> list[Variable]:
     """List the variables of a file of any size: full names, units and shapes."""
@@ -58,8 +55,7 @@ def read_channels(path: PathLike, case: int | None, task: str = "read", **wanted
 
     `wanted` is what `channels.select_channels` takes beside the open file.
     """
-    path = Path(path)
-    check_readable(path)
+    path = check_readable(path)
     suffix = find_suffix(path)
     if suffix is None:
         raise DataError(f"{path.name}: unknown kind of file: convert it to one of {', '.join(SUFFIXES)}.")
@@ -73,8 +69,7 @@ def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path]:
 
     A file without a checksum (of an older version, or changed by another program) is opened by the other process first.
     """
-    check_readable(path)
-    path = Path(path)
+    path = check_readable(path)
     with name_errors(path, kind, remedy):
         if not has_checksum(path):
             _ask(path, "try", None, {})
@@ -111,7 +106,7 @@ def _start() -> tuple[subprocess.Popen[bytes], Connection]:
     nothing = subprocess.DEVNULL
     with end:
         process = subprocess.Popen(
-            command, stdin=nothing, stdout=nothing, stderr=nothing, pass_fds=[end.fileno()], start_new_session=True
+            command, stdout=nothing, stderr=nothing, pass_fds=[end.fileno()], start_new_session=True
         )
     return process, pipe
 
@@ -207,7 +202,6 @@ def _answer(
         if task == "try":
             for variable in filter(None, map(contents.find, contents.names())):
                 variable.read(slice(None))
-            return {"warnings": []}
         channels = select_channels(contents, **wanted) if task == "read" else enumerate(find_variables(contents))
         for role, channel in channels:
             pipe.send_bytes(json.dumps([role, channel.name, channel.unit, channel.shape]).encode())

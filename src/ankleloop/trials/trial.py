@@ -83,11 +83,10 @@ def new_trial(
             attributes[name] = _as_attribute(np.asarray(value).item(), name, source)
     check_sizes({name: array.size for name, array in arrays.items()}, source=source)
     time = np.arange(arrays["position"].size) / rate
-    trial = xr.Dataset(
-        {name: ("time", array, _describe_variable(name)) for name, array in arrays.items()},
-        coords={"time": ("time", time, _describe_variable("time"))},
-        attrs=attributes,
-    )
+    trial = xr.Dataset({name: ("time", array) for name, array in arrays.items()}, {"time": time}, attributes)
+    for name in ("time", *arrays):
+        unit, long_name = VARIABLES.get(name, ("N·m" if name.startswith("torque") else "", name.replace("_", " ")))
+        trial[name].attrs = {"units": unit, "long_name": long_name}
     return validate(trial, source=source)
 
 
@@ -138,8 +137,7 @@ def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
     degree = check_integer("remove_drift", "degree", degree, ge=0, le=MAX_DEGREE)
     torque = trial["torque"].values
     grid = np.linspace(-1.0, 1.0, torque.size)
-    legendre = np.polynomial.legendre
-    detrended = torque - legendre.legval(grid, legendre.legfit(grid, torque, degree))
+    detrended = torque - np.polynomial.Legendre.fit(grid, torque, degree)(grid)
     if np.ptp(detrended) <= 1e-9 * np.ptp(torque):
         raise DataError(f"a polynomial of degree {degree} takes all of the torque: there is nothing but drift in it.")
     return validate(trial.assign(torque=trial["torque"].copy(data=detrended)))
@@ -182,11 +180,6 @@ def _as_attribute(value: Any, name: str, source: str) -> int | float | str:
     )
 
 
-def _describe_variable(name: str) -> dict[str, str]:
-    unit, long_name = VARIABLES.get(name, ("N·m" if name.startswith("torque") else "", name.replace("_", " ")))
-    return {"units": unit, "long_name": long_name}
-
-
 def check_sizes(sizes: Mapping[str, int], *, source: str) -> None:
     """Check that all channels have as many samples as the position."""
     for name, size in sizes.items():
@@ -220,12 +213,10 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
             check_unit(name, name, str(variable.attrs.get("units", "")), "rad", source=source)
     time = trial.variables["time"].values
     measured = compute_rate_of_parts([time], time.size, source=source)
-    if "sampling_rate" not in trial.attrs:
-        trial = trial.assign_attrs(sampling_rate=measured)
-    rate = parse_rate(trial.attrs["sampling_rate"], source=source)
+    rate = parse_rate(trial.attrs.get("sampling_rate", measured), source=source)
     check_same_rate(rate, measured, source=source)
     check_samples([{str(name): trial.variables[name].values for name in trial.data_vars}], rate, time[0], source=source)
-    return trial
+    return trial if "sampling_rate" in trial.attrs else trial.assign_attrs(sampling_rate=rate)
 
 
 def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start: float = 0.0, *, source: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -13,19 +12,16 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_flag, check_path
-from ankleloop.trials.files import atomic_netcdf, write_netcdf
+from ankleloop.trials.files import PathLike, atomic_netcdf, write_netcdf
 from ankleloop.trials.reading_process import readable_file
 from ankleloop.trials.trial import validate
 
 INDEX = "index"  # variable with point and number of each trial, and its attributes or why it is missing, as JSON
 
-Path = str | os.PathLike[str]
-
-
 Trials = Iterator[tuple[str, int, xr.Dataset | str]]  # point and number of each; a text says why there is no trial
 
 
-def save_trial(trial: xr.Dataset, path: Path, *, overwrite: bool = False) -> None:
+def save_trial(trial: xr.Dataset, path: PathLike, *, overwrite: bool = False) -> None:
     """Save a trial as a NetCDF-4 file.
 
     The file appears under its name only when it is complete, so that a crash never leaves half a trial.
@@ -59,7 +55,7 @@ def save_trial(trial: xr.Dataset, path: Path, *, overwrite: bool = False) -> Non
     write_netcdf({"": trial}, path, overwrite=overwrite)
 
 
-def load_trial(path: Path) -> xr.Dataset:
+def load_trial(path: PathLike) -> xr.Dataset:
     """Load a trial that `save_trial` wrote: same bits, same attributes.
 
     Parameters
@@ -94,9 +90,9 @@ def load_trial(path: Path) -> xr.Dataset:
 
 def save_trials(
     trials: Iterable[xr.Dataset | str],
-    path: Path,
+    path: PathLike,
+    index: Sequence[tuple[str, int]],
     precision: str = "double",
-    index: Sequence[tuple[str, int]] | None = None,
     *,
     overwrite: bool = False,
 ) -> None:
@@ -106,9 +102,6 @@ def save_trials(
     """
     import h5py
 
-    if index is None:
-        trials = list(trials)
-        index = [("only", number) for number in range(len(trials))]
     rows = []
     with atomic_netcdf(path, overwrite=overwrite) as file:
         file.dimensions = {"trial": len(index)}
@@ -123,19 +116,18 @@ def save_trials(
                     file.create_variable(name, ("trial", "time"), np.dtype(precision), chunks=(1, size))
                 for name, variable in trial.variables.items():
                     file[name].attrs.update(variable.attrs)
-            for name in map(str, trial.data_vars):
-                values = trial.variables[name].values
-                if values.any():  # what is not written is zero
-                    file[name][row] = values.astype(precision)
+            for name, signal in trial.data_vars.items():
+                if signal.values.any():  # what is not written is zero
+                    file[name][row] = signal.values.astype(precision)
         file.create_variable(INDEX, ("trial",), h5py.string_dtype())[:] = np.array(rows, dtype=object)
 
 
-def load_trials(path: Path) -> Iterator[xr.Dataset]:
+def load_trials(path: PathLike) -> Iterator[xr.Dataset]:
     """Read the trials that `save_trials` wrote, one after the other; those that failed are left out."""
     yield from (trial for _, _, trial in load_rows(path) if not isinstance(trial, str))
 
 
-def load_rows(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -> Trials:
+def load_rows(path: PathLike, trials: Mapping[str, Sequence[int]] | None = None) -> Trials:
     """Read all trials of a file, or some: the first number at each point, and the one before which they end."""
     with _open(path) as (rows, read):
         if trials is not None:
@@ -148,7 +140,7 @@ def load_rows(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -> 
             yield point, number, read(point, number)
 
 
-def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
+def load_trial_of(paths: Iterable[PathLike], point: str, number: int) -> xr.Dataset:
     """Read one trial of a study."""
     for path in paths:
         with _open(path) as (rows, read):
@@ -161,7 +153,7 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[tuple[dict[tuple[str, int], Any], Any]]:
+def _open(path: PathLike) -> Iterator[tuple[dict[tuple[str, int], Any], Any]]:
     """The rows of a trial file by point and number, and a function that reads one; errors name the file."""
     with (
         readable_file(path, "trial file", "delete it and run again") as readable,
