@@ -311,10 +311,9 @@ def select_channels(
     if roles is None:
         rates = ([v for name in RATE_NAMES if (v := contents.find_number(owner, name)) is not None] for owner in owners)
         found = next(filter(None, rates), [])
-        numbers = {variable.name: _read_rate(source, variable, rate) for variable in found}
-        readable = {name: number for name, number in numbers.items() if number is not None}
-        if readable:
-            yield RATE, Variable(" and ".join(readable), read=np.array([*readable.values()]).__getitem__)
+        numbers = {v.name: number for v in found if (number := _read_rate(source, v, rate)) is not None}
+        if numbers:
+            yield RATE, Variable(" and ".join(numbers), read=np.array([*numbers.values()]).__getitem__)
 
 
 def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.ndarray:

@@ -31,7 +31,6 @@ PathLike = str | os.PathLike[str]
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 NAME, NODE = 40, 30  # characters in the name of a partial file; file systems allow 255 bytes in all
-FORMULA = ("=", "+", "-", "@")  # with which a spreadsheet begins a formula
 MARK = b"\nankleloop: SHA-256 of all before this line: "
 LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size + 1
 PIECE = 1 << 20
@@ -218,4 +217,4 @@ def write_csv(table: pd.DataFrame, path: PathLike, *, overwrite: bool = False) -
 
 
 def _quote(value: Any) -> Any:
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value

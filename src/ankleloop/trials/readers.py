@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -109,7 +108,7 @@ def parse_options(owner: str, source: str, values: Mapping[str, Any]) -> Reading
         raise DataError(str(error)) from None
 
 
-def _read(path: Path, options: ReadingOptions, **wanted: Any) -> dict[str, Variable]:
+def _read(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Variable]:
     """Read channels of a file; `wanted` is what `channels.select_channels` takes beside names and rate."""
     return read_channels(path, options.case, variables=options.names, rate=options.sampling_rate, **wanted)
 
@@ -242,10 +241,9 @@ class LongRecord:
             raise ValueError(
                 f"{self.path.name}: there are no samples {start} to {stop}: the record has {self.samples} samples."
             )
-        stop = min(stop, self.samples)
         signals = self._read_part(channels or [*self.options.names], start, stop)
         variables = {role: ("time", values) for role, values in signals.items()}
-        time = ("time", np.arange(start, stop) / self.rate)
+        time = ("time", np.arange(start, min(stop, self.samples)) / self.rate)
         return xr.Dataset(variables, coords={"time": time}, attrs={"sampling_rate": self.rate})
 
     def _read_blocks(self, roles: Sequence[str]) -> Iterator[dict[str, np.ndarray]]:

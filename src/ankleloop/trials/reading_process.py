@@ -84,9 +84,8 @@ def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
     except (DataError, ResourceError, MemoryError):  # a lack of memory says nothing about the file
         raise
     except Exception as cause:
-        reason = _describe(cause)
         raise DataError(
-            f"{path}: not a readable {kind} ({reason}): it is damaged, or of another origin: {remedy}."
+            f"{path}: not a readable {kind} ({_describe(cause)}): it is damaged, or of another origin: {remedy}."
         ) from cause
 
 
@@ -185,13 +184,12 @@ def main() -> None:
     pipe = Connection(int(sys.argv[2]))
     with suppress(EOFError):
         while True:
-            pipe.send_bytes(json.dumps(_answer(pipe, *json.loads(pipe.recv_bytes()))).encode())
+            pipe.send_bytes(json.dumps(_answer(pipe, json.loads(pipe.recv_bytes()))).encode())
 
 
-def _answer(
-    pipe: Connection, task: str, name: str, case: int | None, seconds: float, memory: int, wanted: dict[str, Any]
-) -> dict[str, Any]:
+def _answer(pipe: Connection, request: list[Any]) -> dict[str, Any]:
     """Send the channels that a task with a file gives; its end."""
+    task, name, case, seconds, memory, wanted = request
     path = Path(name)
     try:
         container = choose_container(path)  # a library is imported without limits

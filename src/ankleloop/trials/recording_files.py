@@ -17,10 +17,8 @@ FILE_FORMATS = {"csv": ".csv", "matlab-5": ".mat", "hdf5": ".h5"}  # and their s
 
 def write_recording(trial: xr.Dataset, path: PathLike, file_format: str, *, overwrite: bool = False) -> None:
     """Write position, torque and reference of a trial as a recording, without the true torques of a simulation."""
-    channels, rate = (
-        {name: trial[name].values for name in UNITS if name in trial},
-        float(trial.attrs["sampling_rate"]),
-    )
+    channels = {name: trial[name].values for name in UNITS if name in trial}
+    rate = float(trial.attrs["sampling_rate"])
     with atomic_file(path, overwrite=overwrite) as partial:
         if file_format == "csv":
             columns = {"time_s": trial["time"].values, "angle_deg": channels["position"] * 180.0 / math.pi}
