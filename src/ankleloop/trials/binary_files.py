@@ -125,9 +125,10 @@ class FlbContents(Contents):
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path)
         cases: list[tuple[list[Variable], float, str]] = []
+        content = np.memmap(path, "u1", "r")
         with open(path, "rb") as file:
-            while not cases or path.stat().st_size - file.tell() >= 4:
-                cases.append(_read_case(file, path.stat().st_size, len(cases) + 1))
+            while not cases or content.size - file.tell() >= 4:
+                cases.append(_read_case(file, content, len(cases) + 1))
         if case is None and len(cases) > 1:
             listed = "; ".join(text for _, _, text in cases[:LISTED])
             raise DataError(f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.")
@@ -140,12 +141,12 @@ class FlbContents(Contents):
         return {} if owner else {"sampling_rate": self._rate}
 
 
-def _read_case(file: BinaryIO, size: int, number: int) -> tuple[list[Variable], float, str]:
+def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> tuple[list[Variable], float, str]:
     """Channels of the next case, their rate [Hz] and what they are, for a list of cases; go to its end."""
 
     def read(kind: str, count: int = 1) -> np.ndarray:
         length = np.dtype(kind).itemsize * count
-        if not 0 <= length <= size - file.tell():
+        if not 0 <= length <= content.size - file.tell():
             raise UnreadableError(f"case {number} is cut off")
         return np.frombuffer(file.read(length), kind)
 
@@ -171,9 +172,9 @@ def _read_case(file: BinaryIO, size: int, number: int) -> tuple[list[Variable], 
     rate = 1.0 / interval
     rate = float(round(rate)) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
     start = file.tell()
-    if file.seek(start + length * len(names) * np.dtype(TYPES[kind]).itemsize) > size:
+    if (end := file.seek(start + length * len(names) * np.dtype(TYPES[kind]).itemsize)) > content.size:
         raise UnreadableError(f"case {number} is cut off")
-    samples = np.memmap(file.name, TYPES[kind], "r", start, (len(names), length))
+    samples = content[start:end].view(TYPES[kind]).reshape(len(names), length)
     variables = []
     for channel, name in enumerate(names):
         low, high = ranges[:, channel % channels]

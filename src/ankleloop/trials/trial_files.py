@@ -43,6 +43,7 @@ def save_trial(trial: xr.Dataset, path: PathLike, *, overwrite: bool = False) ->
     Examples
     --------
     >>> import tempfile
+    >>> from ankleloop import new_trial
     >>> trial = new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_trial(trial, f"{folder}/trial.nc")
