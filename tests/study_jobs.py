@@ -12,7 +12,7 @@ def write_trials(path, study, seed, conditions, precision="double"):
     """Trial file of some conditions."""
     trials = simulate_trials(study, seed, conditions)
     index = [(name, number) for name, part in conditions.items() for number in range(part["first"], part["stop"])]
-    save_trials((trial for _, _, trial in trials), path, precision, index, overwrite=True)
+    save_trials((trial for _, _, trial in trials), path, index, precision, overwrite=True)
 
 
 def run_jobs(study, folder):

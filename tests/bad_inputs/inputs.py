@@ -13,9 +13,8 @@ import numpy as np
 import scipy.io
 import xarray as xr
 
-from ankleloop import identify, simulate
+from ankleloop import identify, new_trial, save_trial, simulate
 from ankleloop.joint.estimate import Estimate
-from ankleloop.trials.trial import new_trial, save_trial
 
 RATE = 500.0
 TIME = np.arange(300) / RATE

@@ -19,7 +19,7 @@ with running(snakemake):
 
     conditions = arguments["conditions"].items()
     index = [(name, number) for name, part in conditions for number in range(part["first"], part["stop"])]
-    save_trials(simulate(), snakemake.output.trials, snakemake.params.precision, index, overwrite=True)
+    save_trials(simulate(), snakemake.output.trials, index, snakemake.params.precision, overwrite=True)
     for point, reasons in failed.items():
         text = f"{len(reasons)} trials could not be simulated, {reasons[0]}"
         print(f"study {study}, point {point}: {text}", file=sys.stderr)

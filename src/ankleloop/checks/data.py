@@ -25,7 +25,7 @@ from ankleloop.checks.reference import find_reference_faults
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Grid, Regressors
-from ankleloop.trials.validation import REQUIRED
+from ankleloop.trials.trial import REQUIRED
 
 MOTION_CHECKS = (check_scale, check_size, check_relation)
 

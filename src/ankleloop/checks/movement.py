@@ -17,7 +17,7 @@ from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.reference import project_on_reference, unseen_share
 from ankleloop.signals.spectra import segment_spectra
 from ankleloop.subspace.hankel import hankel_gram
-from ankleloop.trials.validation import REQUIRED
+from ankleloop.trials.trial import REQUIRED
 
 SMALLEST, LARGEST = 1e-12, 1e12  # rad and N·m: squares of anything beyond leave the range of numbers
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave

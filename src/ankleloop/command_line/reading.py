@@ -52,7 +52,8 @@ def reading_options(command: Command) -> Command:
 
 def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Recording:
     """Map the variables of a file to channels, and show it; what the options leave out follows from names and units."""
-    from ankleloop.trials.channels import AmbiguousNameError, find_position_unit, find_variable
+    from ankleloop.errors import DataError
+    from ankleloop.trials.channels import find_position_unit, find_variable
     from ankleloop.trials.reading_process import list_variables
 
     stated = {name: value for name, value in values.items() if value is not None}
@@ -65,7 +66,7 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Record
         taken = [stated[other] for other in CHANNELS if other in stated]
         try:
             stated[channel] = find_variable(channel, variables, source=path.name, taken=taken)
-        except AmbiguousNameError as error:
+        except DataError as error:
             other = ", or --no-reference" if channel == "reference" else ""
             raise click.UsageError(f"{error} Option that decides: --{channel} NAME{other}.") from None
     unit, remark = stated.get("position_unit"), ""

@@ -138,7 +138,7 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
     groups = read_groups(path, VARIABLE)
     with name_errors(path, "estimate file", "restore it from a copy, or identify again and save it"):
         file = groups[""]
-        if file.values.get("format") != FORMAT:
+        if "format" not in file.values or file.text("format") != FORMAT:
             raise DataError(
                 f"{file.source}: no estimate file, which has the format {FORMAT!r}: write it by save_estimate."
             )

@@ -15,7 +15,7 @@ from ankleloop.joint.hammerstein import Basis, fit_basis
 from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid
 from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
 from ankleloop.signals.reference import predict_decimated
-from ankleloop.trials.validation import validate
+from ankleloop.trials.trial import validate
 
 NO_REFERENCE = "Give the command of the servo as reference, or reference='position' for an open-loop record."
 
@@ -42,7 +42,7 @@ class PreparedTrial:
     """A valid trial that computes each derivative, decimated channel and regressor once.
 
     Methods and scores take it in the place of a trial; they share what one of them has computed. The trial must not
-    be changed meanwhile. `validated` says that `ankleloop.trials.validation.validate` has accepted it already.
+    be changed meanwhile. `validated` says that `ankleloop.trials.trial.validate` has accepted it already.
 
     >>> from ankleloop.simulation.simulate import simulate
     >>> trial = PreparedTrial(simulate(seed=1, duration=5.0))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -13,11 +12,10 @@ import numpy as np
 import scipy.io
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import LISTED
-from ankleloop.trials.containers import Contents, Variable, take_samples
+from ankleloop.trials.channels import LISTED, Contents, Variable, as_text, take_samples
 from ankleloop.trials.files import UnreadableError
 
-NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 TYPES = {4: "<f4", 2: "<i2", -2: "<u2"}  # of the samples of FLB files, by their format
 LEVELS = 65535  # of format -2, from the lower end of the range to the upper one
 
@@ -37,42 +35,34 @@ class Hdf5Contents(Contents):
     def find(self, name: str) -> Variable | None:
         """Variable of a full name; None if there is none."""
         node = self._resolve(name)
-        if not isinstance(node, h5py.Dataset) or _is_only_dimension(node):
+        if not _is_variable(node):
             return None
         if node.is_virtual or node.external or node.file.filename != self._file.filename:
             raise DataError(
                 f"{self.path.name}: the samples of {name} are in other files: copy them into one file, for example by "
                 "h5repack or with MATLAB."
             )
-        return Variable(
-            name, (0,) if node.shape is None else node.shape, lambda part: take_samples(node, part), node.attrs
-        )
+        return Variable(name, (0,) if node.shape is None else node.shape, partial(take_samples, node), node.attrs)
 
     def names(self) -> Iterable[str]:
         """Full names of the variables; MATLAB's internals, #refs# and #subsystem#, are left out."""
         names: list[str] = []
+        self._file.visit(names.append)
+        variables = (name for name in names if not name.startswith("#") and _is_variable(self._file[name]))
+        return [name.replace("/", self.separator) for name in variables]
 
-        def visit(name: str, node: Any) -> None:
-            if isinstance(node, h5py.Dataset) and not name.startswith("#") and not _is_only_dimension(node):
-                names.append(name.replace("/", self.separator))
-
-        self._file.visititems(visit)
-        return names
-
-    def find_attribute(self, owner: str, name: str) -> Any:
-        """Attribute of a variable, a group, or of the file, whose name is empty; None if there is none."""
-        node = self._resolve(owner)
-        return None if node is None else node.attrs.get(name)
+    def attributes(self, owner: str) -> Mapping[str, Any]:
+        """Attributes of a variable, a group, or of the file, whose name is empty."""
+        return getattr(self._resolve(owner), "attrs", {})
 
     def _resolve(self, name: str) -> Any:
         """Object of a full name; None if there is none."""
         return self._file.get(name.replace(self.separator, "/") or "/")
 
 
-def _is_only_dimension(data: h5py.Dataset) -> bool:
-    """Whether a data set stands for a dimension of NetCDF that has no variable: its zeros are no times."""
-    label = data.attrs.get("NAME", b"")
-    return isinstance(label, bytes) and label.startswith(NO_VARIABLE)
+def _is_variable(node: Any) -> bool:
+    """Whether an object is a data set, and not the zeros of a dimension of NetCDF that has no variable."""
+    return isinstance(node, h5py.Dataset) and not as_text(node.attrs.get("NAME")).startswith(NO_VARIABLE)
 
 
 class MatContents(Contents):
@@ -83,30 +73,9 @@ class MatContents(Contents):
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
         _check_end(path)
-        self._top = {name: (tuple(map(int, shape)), kind) for name, shape, kind in scipy.io.whosmat(path, False)}
-        self._loaded: dict[str, Any] = {}
-
-    def find(self, name: str) -> Variable | None:
-        """Variable of a full name; None if there is none."""
-        top = name.split(self.separator, 1)[0]
-        shape, kind = self._top.get(top, ((), ""))
-        if kind == "struct":
-            value = self._fields(top).get(name)
-            return None if value is None else Variable(name, np.shape(value), lambda _: value)
-        return Variable(name, shape, lambda _: self._load(name)) if name in self._top else None
-
-    def names(self) -> Iterator[str]:
-        """Full names of the variables."""
-        for name, (_, kind) in self._top.items():
-            yield from self._fields(name) if kind == "struct" else (name,)
-
-    def _load(self, top: str) -> Any:
-        if top not in self._loaded:
-            self._loaded |= scipy.io.loadmat(self.path, None, False, variable_names=[top], simplify_cells=True)
-        return self._loaded[top]
-
-    def _fields(self, top: str) -> dict[str, Any]:
-        return dict(_flatten_struct({top: self._load(top)}))
+        contents = scipy.io.loadmat(path, None, False, simplify_cells=True)
+        fields = _flatten_struct({name: value for name, value in contents.items() if not name.startswith("__")})
+        self.variables = [Variable(name, value.shape, value.__getitem__) for name, value in fields]
 
 
 def _check_end(path: Path) -> None:
@@ -119,12 +88,12 @@ def _check_end(path: Path) -> None:
                 raise UnreadableError("it ends within a variable")
 
 
-def _flatten_struct(struct: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten_struct(struct: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, np.ndarray]]:
     for name, value in struct.items():
         if isinstance(value, dict):
             yield from _flatten_struct(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
+        else:  # a list holds structs of any shape
+            yield f"{prefix}{name}", np.fromiter(value, object) if isinstance(value, list) else np.atleast_1d(value)
 
 
 class ClassicNetcdfContents(Contents):
@@ -133,35 +102,14 @@ class ClassicNetcdfContents(Contents):
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
         self._file = scipy.io.netcdf_file(path, "r", mmap=True, maskandscale=False)
+        self.variables = [
+            Variable(name, found.data.shape, partial(take_samples, found.data), found._attributes)
+            for name, found in self._file.variables.items()
+        ]
 
-    def find(self, name: str) -> Variable | None:
-        """Variable of a name; None if there is none."""
-        found = self._file.variables.get(name)
-        if found is None:
-            return None
-        return Variable(name, found.data.shape, lambda part: take_samples(found.data, part), found._attributes)
-
-    def names(self) -> Iterable[str]:
-        """Names of the variables."""
-        return self._file.variables
-
-    def find_attribute(self, owner: str, name: str) -> Any:
-        """Attribute of a variable, or of the file, whose name is empty; None if there is none."""
-        holder = self._file.variables.get(owner) if owner else self._file
-        return None if holder is None else holder._attributes.get(name)
-
-
-@dataclass(frozen=True)
-class _Case:
-    """What stands before the samples of a case of an FLB file, and where they begin."""
-
-    names: list[str]  # of the channels, of each realization
-    length: int  # samples of a channel
-    type: str  # of the samples, a key of numpy
-    rate: float  # Hz
-    comment: str
-    ranges: np.ndarray  # lowest and highest value of each channel, shape (2, channels)
-    start: int  # byte at which the samples begin
+    def attributes(self, owner: str) -> Mapping[str, Any]:
+        """Attributes of a variable, or of the file, whose name is empty."""
+        return getattr(self._file.variables.get(owner) if owner else self._file, "_attributes", {})
 
 
 class FlbContents(Contents):
@@ -172,52 +120,33 @@ class FlbContents(Contents):
     channel by channel. All is little endian. Channels of several realizations have its number behind a slash.
     """
 
+    kind = "channels"
+
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path)
-        size = path.stat().st_size
+        cases: list[tuple[list[Variable], float, str]] = []
+        content = np.memmap(path, "u1", "r")
         with open(path, "rb") as file:
-            cases = [_read_case(file, size, 1)]
-            while size - file.tell() >= 4:
-                cases.append(_read_case(file, size, len(cases) + 1))
+            while not cases or content.size - file.tell() >= 4:
+                cases.append(_read_case(file, content, len(cases) + 1))
         if case is None and len(cases) > 1:
-            listed = "; ".join(
-                f"case {k}: {', '.join(c.names)}, {c.length / c.rate:.4g} s at {c.rate:g} Hz, {c.comment[:60]!r}"
-                for k, c in enumerate(cases[:LISTED], 1)
-            )
+            listed = "; ".join(text for _, _, text in cases[:LISTED])
             raise DataError(f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.")
         if (case or 1) > len(cases):
             raise DataError(f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1.")
-        self._case = cases[(case or 1) - 1]
+        self.variables, self._rate, _ = cases[(case or 1) - 1]
 
-    def find(self, name: str) -> Variable | None:
-        """Channel of a name; None if there is none."""
-        case = self._case
-        if name not in case.names:
-            return None
-        if case.names.count(name) > 1:
-            raise DataError(f"{self.path.name}: there are several channels {name!r}: give each a name of its own.")
-        samples = np.memmap(self.path, case.type, "r", case.start, (len(case.names), case.length))
-        channel, scale = case.names.index(name), {}
-        if case.type == TYPES[-2]:
-            low, high = case.ranges[:, channel % case.ranges.shape[1]]
-            scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low}
-        return Variable(name, (case.length,), lambda part: samples[channel, part], scale)
-
-    def names(self) -> Iterable[str]:
-        """Names of the channels."""
-        return self._case.names
-
-    def find_attribute(self, owner: str, name: str) -> Any:
+    def attributes(self, owner: str) -> Mapping[str, Any]:
         """The sampling rate, which belongs to the file."""
-        return self._case.rate if (owner, name) == ("", "sampling_rate") else None
+        return {} if owner else {"sampling_rate": self._rate}
 
 
-def _read_case(file: BinaryIO, size: int, number: int) -> _Case:
-    """Read what describes the next case, and go to its end."""
+def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> tuple[list[Variable], float, str]:
+    """Channels of the next case, their rate [Hz] and what they are, for a list of cases; go to its end."""
 
     def read(kind: str, count: int = 1) -> np.ndarray:
         length = np.dtype(kind).itemsize * count
-        if not 0 <= length <= size - file.tell():
+        if not 0 <= length <= content.size - file.tell():
             raise UnreadableError(f"case {number} is cut off")
         return np.frombuffer(file.read(length), kind)
 
@@ -240,9 +169,16 @@ def _read_case(file: BinaryIO, size: int, number: int) -> _Case:
         raise UnreadableError(f"case {number} has no samples, or no sampling interval")
     if realizations > 1:
         names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
-    start = file.tell()
-    if file.seek(length * len(names) * np.dtype(TYPES[kind]).itemsize, io.SEEK_CUR) > size:
-        raise UnreadableError(f"case {number} is cut off")
     rate = 1.0 / interval
-    rate = round(rate) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
-    return _Case(names, length, TYPES[kind], float(rate), comment, ranges, start)
+    rate = float(round(rate)) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
+    start = file.tell()
+    if (end := file.seek(start + length * len(names) * np.dtype(TYPES[kind]).itemsize)) > content.size:
+        raise UnreadableError(f"case {number} is cut off")
+    samples = content[start:end].view(TYPES[kind]).reshape(len(names), length)
+    variables = []
+    for channel, name in enumerate(names):
+        low, high = ranges[:, channel % channels]
+        scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low} if kind == -2 else {}
+        variables.append(Variable(name, (length,), samples[channel].__getitem__, scale))
+    text = f"case {number}: {', '.join(names)}, {length / rate:.4g} s at {rate:g} Hz, {comment[:60]!r}"
+    return variables, rate, text

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 import gzip
 import re
-import warnings
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import check_size
-from ankleloop.trials.containers import Contents, Variable
+from ankleloop.trials.channels import Contents, Variable, check_size
 
 LAST = 101  # rows whose digits are compared
 
@@ -28,38 +27,25 @@ class CsvContents(Contents):
     fewer.
     """
 
+    kind = "columns"
+
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
         self._header: list[str] = []
         self._header_line, self._rows, self._longest = 0, 0, 0
         self._last: deque[tuple[int, str]] = deque(maxlen=LAST)  # numbered lines
         self._measure()
+        columns = enumerate(self._header)
+        self.variables = [Variable(name, (self._rows,), partial(self._read, column)) for column, name in columns]
 
-    def find(self, name: str) -> Variable | None:
-        """Column of a name; None if there is none."""
-        columns = [str(number) for number, other in enumerate(self._header, 1) if other == name]
-        if len(columns) > 1:
-            raise DataError(
-                f"{self.path.name}: {len(columns)} columns are called {name!r} (columns {', '.join(columns)}): give "
-                "each a name of its own."
-            )
-        return Variable(name, (self._rows,), lambda part: self._read(name)[part]) if columns else None
-
-    def names(self) -> Iterable[str]:
-        """Names of the columns."""
-        return filter(None, self._header)
-
-    def _read(self, name: str) -> np.ndarray:
+    def _read(self, column: int, part: slice) -> np.ndarray:
         """Numbers of a column, or objects where some are text."""
-        column = self._header.index(name)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text among numbers is refused by its line
-            frame = pd.read_csv(
-                self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest),
-                index_col=False, skipinitialspace=True, skip_blank_lines=True,
-            )  # fmt: skip
-        self._check_last_cell(name, column)
-        return frame[column].to_numpy()
+        frame = pd.read_csv(
+            self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest),
+            index_col=False, skipinitialspace=True, skip_blank_lines=True,
+        )  # fmt: skip
+        self._check_last_cell(column)
+        return frame[column].to_numpy()[part]
 
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file: by its line, the header's among them."""
@@ -103,7 +89,7 @@ class CsvContents(Contents):
                 "copy it again, or delete this line."
             )
 
-    def _check_last_cell(self, name: str, column: int) -> None:
+    def _check_last_cell(self, column: int) -> None:
         """Refuse, or warn of, a file that ends within its last number, which therefore may have lost digits."""
         number, line = self._last[-1]
         if line.endswith("\n") or column != len(_split(line)) - 1:
@@ -112,7 +98,7 @@ class CsvContents(Contents):
         digits, decimals = {_decimals(cell) for cell in usual}, _decimals(last)
         if digits == {decimals} and decimals:
             return  # as many decimals as in the rows before: it is whole
-        fault = f"{self.path.name}: the file ends within line {number}, at the {name} {last!r}"
+        fault = f"{self.path.name}: the file ends within line {number}, at the {self._header[column]} {last!r}"
         if digits and decimals < min(digits):
             raise DataError(
                 f"{fault}, which has fewer digits than those before: copy the file again, or delete the line."
@@ -129,5 +115,4 @@ def _split(line: str) -> list[str]:
 
 def _decimals(text: str) -> int:
     """Digits behind the point."""
-    mantissa = text.lower().partition("e")[0]
-    return len(mantissa.partition(".")[2])
+    return len(text.lower().partition("e")[0].partition(".")[2])

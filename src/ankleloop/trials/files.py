@@ -31,7 +31,6 @@ PathLike = str | os.PathLike[str]
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 NAME, NODE = 40, 30  # characters in the name of a partial file; file systems allow 255 bytes in all
-FORMULA = ("=", "+", "-", "@")  # with which a spreadsheet begins a formula
 MARK = b"\nankleloop: SHA-256 of all before this line: "
 LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size + 1
 PIECE = 1 << 20
@@ -142,9 +141,8 @@ def _netcdf_sink(path: PathLike, overwrite: bool) -> Iterator[_Sink]:
     with atomic_file(path, overwrite=overwrite) as partial:
         with _Sink(partial, "xb+") as sink:
             yield sink
-        line = _checksum_line(partial, os.stat(partial).st_size)
         with open(partial, "ab") as file:
-            file.write(line)
+            file.write(_checksum_line(partial, file.tell()))
 
 
 @contextmanager
@@ -167,12 +165,13 @@ def write_netcdf(groups: Mapping[str, xr.Dataset], path: PathLike, *, overwrite:
         tree.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
 
 
-def check_readable(path: PathLike) -> None:
+def check_readable(path: PathLike) -> Path:
     """Refuse a path from which no file can be read."""
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
             raise DataError(f"{path}: this is a folder or a device, no file: check the path.")
         open(path, "rb").close()
+        return Path(path)
     except FileNotFoundError:
         raise DataError(f"{path}: there is no such file: check the path.") from None
     except OSError as cause:
@@ -189,10 +188,8 @@ def stamp_file(path: PathLike) -> tuple[int, ...]:
 def has_checksum(path: PathLike) -> bool:
     """Whether a file ends with a checksum; one whose content is not the one that was written is unreadable."""
     size = os.stat(path).st_size - LENGTH
-    if size < 0:
-        return False
     with open(path, "rb") as file:
-        file.seek(size)
+        file.seek(max(size, 0))
         line = file.read(LENGTH)
     if line.startswith(MARK) and line != _checksum_line(path, size):
         raise UnreadableError("its checksum is wrong: bytes have changed since it was written")
@@ -214,15 +211,10 @@ def _checksum_line(path: PathLike, size: int) -> bytes:
 
 def write_csv(table: pd.DataFrame, path: PathLike, *, overwrite: bool = False) -> None:
     """Write a table; text in it that begins like a formula gets a quote in front."""
+    texts = table.select_dtypes(exclude=["number", "bool"])
     with atomic_file(path, overwrite=overwrite) as partial:
-        quote_formulas(table).to_csv(partial, index=False, lineterminator="\n")
-
-
-def quote_formulas(table: pd.DataFrame) -> pd.DataFrame:
-    """A table with a quote in front of text that a spreadsheet would take for a formula."""
-    texts = table.select_dtypes(exclude=["number", "bool"]).columns
-    return table.assign(**{name: table[name].map(_quote) for name in texts})
+        table.assign(**texts.map(_quote)).to_csv(partial, index=False, lineterminator="\n")
 
 
 def _quote(value: Any) -> Any:
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value

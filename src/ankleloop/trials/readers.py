@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,21 +12,19 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, parse_rate
-from ankleloop.trials.channels import TRUE_TORQUES, Channel, check_unit, time_factor
-from ankleloop.trials.containers import RATE, RATE_NAMES, TIME, TIME_NAMES, find_suffix
-from ankleloop.trials.files import stamp_file
+from ankleloop.trials.channels import RATE, RATE_NAMES, TIME, TIME_NAMES, Variable, check_unit, time_factor
+from ankleloop.trials.files import PathLike, stamp_file
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.trial import check_shape, check_sizes, new_trial
-from ankleloop.trials.validation import check_samples
+from ankleloop.trials.trial import check_samples, check_shape, check_sizes, new_trial
 
 LONG_SUFFIXES = (".h5", ".hdf5", ".nc", ".flb")  # of long records
-BLOCK = 250_000  # samples of them read at a time: each access to the file costs more than so many numbers
+BLOCK = 250_000  # samples of them that are checked at a time
 LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
 
 
 @show_fields(ReadingOptions)
-def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
+def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     r"""Read a trial from a file.
 
     The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`, `.flb`.
@@ -85,16 +81,15 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
     ([-0.0, 1.0, 2.0], 100.0, 'trial.csv')
     """
     path = check_path("read_trial", "path", path)
-    ReadingOptions.check_names("read_trial", mapping)
-    options = parse_options(path.name, **mapping)
-    channels = read_channels(path, options, extras=TRUE_TORQUES)
-    rate = choose_rate(channels, options, lambda: [channels[TIME].values], source=path.name)
-    signals = {role: channel.values for role, channel in channels.items() if role not in (TIME, RATE)}
+    options = parse_options("read_trial", path.name, mapping)
+    channels = _read(path, options)
+    times = [channels[TIME].values] if TIME in channels else []
+    rate = choose_rate(channels, options, times, source=path.name)
     trial = new_trial(
-        **{role: values * options.factor(role) for role, values in signals.items()},
+        **{role: channels[role].values * options.factor(role) for role in channels if role not in (TIME, RATE)},
         sampling_rate=rate,
         source=path.name,
-        **{f"{role}_variable": channels[role].name for role in (*options.channels, *options.further)},
+        **{f"{role}_variable": channels[role].name for role in options.names},
         **options.model_dump(include={"position_sign", "torque_sign", "case"}),
         position_unit="rad",
         position_unit_of_file=options.position_unit,
@@ -104,20 +99,22 @@ def read_trial(path: str | os.PathLike[str], **mapping: Any) -> xr.Dataset:
     return trial
 
 
-def parse_options(source: str, **values: Any) -> ReadingOptions:
+def parse_options(owner: str, source: str, values: Mapping[str, Any]) -> ReadingOptions:
     """Check the options of reading."""
+    ReadingOptions.check_names(owner, values)
     try:
         return ReadingOptions.parse(source, **values)
     except ValueError as error:
         raise DataError(str(error)) from None
 
 
+def _read(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Variable]:
+    """Read channels of a file; `wanted` is what `channels.select_channels` takes beside names and rate."""
+    return read_channels(path, options.case, variables=options.names, rate=options.sampling_rate, **wanted)
+
+
 def choose_rate(
-    channels: Mapping[str, Channel],
-    options: ReadingOptions,
-    times: Callable[[], Iterable[np.ndarray]],
-    *,
-    source: str,
+    channels: Mapping[str, Variable], options: ReadingOptions, times: Iterable[np.ndarray], *, source: str
 ) -> float:
     """Check units and shapes of channels, and choose the sampling rate: the stated one, else that of the times.
 
@@ -129,13 +126,12 @@ def choose_rate(
                 check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
             check_shape(channel.shape, channel.name, source=source)
     rates = [parse_rate(number, source=source) for number in channels[RATE].values] if RATE in channels else []
-    stated = options.sampling_rate
-    if stated is not None:  # which of several rates is right
-        distances = [abs(rate - stated) for rate in rates]
-        rates = [rate for _, rate in sorted(zip(distances, rates, strict=True))[:1]]
+    given = options.sampling_rate
+    if given is not None:  # which of several rates is right
+        rates = sorted(rates, key=lambda rate: abs(rate - given))[:1]
     for rate in rates:
-        check_same_rate(stated or rates[0], rate, source=source, name=channels[RATE].name)
-    stated = next(iter(rates), None) if stated is None else stated
+        check_same_rate(given or rates[0], rate, source=source, name=channels[RATE].name)
+    stated = given or next(iter(rates), None)
     if TIME not in channels:
         if stated is None:
             raise DataError(
@@ -147,7 +143,7 @@ def choose_rate(
     samples = check_shape(time.shape, time.name, source=source)
     check_sizes({"position": size, time.name: samples}, source=source)
     factor = time_factor(time.name, time.unit, source=source)
-    parts = (part * (factor or 1.0) for part in times())
+    parts = (part * (factor or 1.0) for part in times)
     measured = compute_rate_of_parts(parts, samples, source=source, name=time.name)
     if stated is None and factor is None and measured < LOWEST_RATE:
         raise DataError(
@@ -193,7 +189,7 @@ class LongRecord:
     Examples
     --------
     >>> import tempfile
-    >>> from ankleloop.trials.trial import new_trial, save_trial
+    >>> from ankleloop import new_trial, save_trial
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save_trial(new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0), f"{folder}/trial.nc")
     ...     record = LongRecord(f"{folder}/trial.nc", reference=None)
@@ -203,29 +199,22 @@ class LongRecord:
 
     @show_fields(ReadingOptions)
     def __init__(
-        self,
-        path: str | os.PathLike[str],
-        sampling_rate: float | None = None,
-        *,
-        reference: str | None = "reference",
-        **mapping: Any,
+        self, path: PathLike, sampling_rate: float | None = None, *, reference: str | None = "reference", **mapping: Any
     ) -> None:
         self.path = check_path("LongRecord", "path", path)
-        source = self.path.name
-        ReadingOptions.check_names("LongRecord", mapping)
-        self.options = parse_options(source, sampling_rate=sampling_rate, reference=reference, **mapping)
+        source, mapping = self.path.name, {"sampling_rate": sampling_rate, "reference": reference, **mapping}
+        self.options = parse_options("LongRecord", source, mapping)
         self.reference = self.options.reference
-        if find_suffix(self.path) not in LONG_SUFFIXES:
+        if not self.path.name.lower().endswith(LONG_SUFFIXES):
             raise DataError(f"{source}: long records are read from {', '.join(LONG_SUFFIXES)}; convert it first.")
-        self._channels = read_channels(self.path, self.options, part=(0, 1))
+        channels = _read(self.path, self.options, part=(0, 1))
         self._stamp = stamp_file(self.path)
-        self._block = lru_cache(2)(self._read_block)
-        self.rate = choose_rate(self._channels, self.options, self._read_times, source=source)
-        sizes = {role: math.prod(self._channels[role].shape) for role in self._roles}
-        check_sizes(sizes, source=source)
+        sizes = {role: math.prod(channels[role].shape) for role in self.options.names}
         self.samples = sizes["position"]
-        starts = range(0, self.samples, BLOCK)
-        check_samples((self._block(self._roles, start) for start in starts), self.rate, source=source)
+        times = (block[TIME] for block in self._read_blocks([TIME]))
+        self.rate = choose_rate(channels, self.options, times, source=source)
+        check_sizes(sizes, source=source)
+        check_samples(self._read_blocks([*self.options.names]), self.rate, source=source)
 
     def read(self, start: int, stop: int, channels: Sequence[str] | None = None) -> xr.Dataset:
         """A piece of the record as a data set in rad and N·m.
@@ -248,40 +237,25 @@ class LongRecord:
         ValueError
             For a piece without samples.
         """
-        roles = tuple(channels or self._roles)
         if not 0 <= start < min(stop, self.samples):
             raise ValueError(
                 f"{self.path.name}: there are no samples {start} to {stop}: the record has {self.samples} samples."
             )
-        stop = min(stop, self.samples)
-        first = start - start % BLOCK
-        blocks = [self._block(roles, block) for block in range(first, stop, BLOCK)]
-        joined = {role: np.concatenate([block[role] for block in blocks]) for role in roles}
-        variables = {role: ("time", values[start - first : stop - first].copy()) for role, values in joined.items()}
-        time = ("time", np.arange(start, stop) / self.rate)
+        signals = self._read_part(channels or [*self.options.names], start, stop)
+        variables = {role: ("time", values) for role, values in signals.items()}
+        time = ("time", np.arange(start, min(stop, self.samples)) / self.rate)
         return xr.Dataset(variables, coords={"time": time}, attrs={"sampling_rate": self.rate})
 
-    @property
-    def _roles(self) -> tuple[str, ...]:
-        """Channels and further variables."""
-        return (*self.options.channels, *self.options.further)
+    def _read_blocks(self, roles: Sequence[str]) -> Iterator[dict[str, np.ndarray]]:
+        """All samples, a block at a time."""
+        for start in range(0, self.samples, BLOCK):
+            yield self._read_part(roles, start, start + BLOCK)
 
-    def _read_times(self) -> Iterator[np.ndarray]:
-        """Times as the file has them, in parts."""
-        samples = math.prod(self._channels[TIME].shape)
-        for start in range(0, samples, BLOCK):
-            yield self._fetch([TIME], start, min(start + BLOCK, samples))[TIME]
-
-    def _read_block(self, roles: tuple[str, ...], start: int) -> dict[str, np.ndarray]:
-        """Samples in rad and N·m; more than are asked for are read, because the next ones are asked for next."""
-        block = self._fetch(roles, start, min(start + BLOCK, self.samples))
-        return {role: values * self.options.factor(role) for role, values in block.items()}
-
-    def _fetch(self, roles: Sequence[str], start: int, stop: int) -> dict[str, np.ndarray]:
-        """Samples as the file has them."""
-        pieces = read_channels(self.path, self.options, part=(int(start), int(stop)), roles=list(roles))
+    def _read_part(self, roles: Sequence[str], start: int, stop: int) -> dict[str, np.ndarray]:
+        """Samples in rad and N·m; times as the file has them."""
+        part = _read(self.path, self.options, part=(int(start), int(stop)), roles=[*roles])
         if stamp_file(self.path) != self._stamp:
             raise DataError(
                 f"{self.path.name}: the file has been changed since the record was made: make it again from a copy."
             )
-        return {role: piece.values for role, piece in pieces.items()}
+        return {role: channel.values * self.options.factor(role) for role, channel in part.items()}

@@ -76,6 +76,11 @@ class ReadingOptions(Options):
         return {channel: name for channel, name in names.items() if name is not None}
 
     @property
+    def names(self) -> dict[str, str]:
+        """Names of all variables in the file by their names in the trial."""
+        return {**self.channels, **self.further}
+
+    @property
     def further(self) -> dict[str, str]:
         """Names of further variables in the file by their names in the trial."""
         return dict(self.variables) if isinstance(self.variables, dict) else {}

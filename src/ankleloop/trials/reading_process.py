@@ -21,20 +21,15 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.channels import Channel
-from ankleloop.trials.containers import SUFFIXES, Contents, find_suffix, find_variables, select_channels
-from ankleloop.trials.files import UnreadableError, check_readable, has_checksum, stamp_file
-
-if TYPE_CHECKING:
-    from ankleloop.trials.reading_options import ReadingOptions
+from ankleloop.trials.channels import SUFFIXES, Contents, Variable, find_suffix, find_variables, select_channels
+from ankleloop.trials.files import PathLike, UnreadableError, check_readable, has_checksum, stamp_file
 
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
 PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
@@ -49,26 +44,18 @@ ENDS = {
     -signal.SIGALRM: "it was not read in time: the computer is busy, or the disk slow",
 }
 
-PathLike = str | os.PathLike[str]
 
-
-def list_variables(path: PathLike, case: int | None = None) -> list[Channel]:
+def list_variables(path: PathLike, case: int | None = None) -> list[Variable]:
     """List the variables of a file of any size: full names, units and shapes."""
-    return list(_read(path, "list", case).values())
+    return list(read_channels(path, case, "list").values())
 
 
-def read_channels(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Channel]:
+def read_channels(path: PathLike, case: int | None, task: str = "read", **wanted: Any) -> dict[str, Variable]:
     """Read the channels of a trial from a file, with its times and its sampling rate.
 
-    `wanted` is what `containers.select_channels` takes beside the variables and the rate.
+    `wanted` is what `channels.select_channels` takes beside the open file.
     """
-    variables = {**options.channels, **options.further}
-    return _read(path, "read", options.case, variables=variables, rate=options.sampling_rate, **wanted)
-
-
-def _read(path: PathLike, task: str, case: int | None, **wanted: Any) -> dict[str, Channel]:
-    path = Path(path)
-    check_readable(path)
+    path = check_readable(path)
     suffix = find_suffix(path)
     if suffix is None:
         raise DataError(f"{path.name}: unknown kind of file: convert it to one of {', '.join(SUFFIXES)}.")
@@ -82,8 +69,7 @@ def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path]:
 
     A file without a checksum (of an older version, or changed by another program) is opened by the other process first.
     """
-    check_readable(path)
-    path = Path(path)
+    path = check_readable(path)
     with name_errors(path, kind, remedy):
         if not has_checksum(path):
             _ask(path, "try", None, {})
@@ -98,9 +84,8 @@ def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
     except (DataError, ResourceError, MemoryError):  # a lack of memory says nothing about the file
         raise
     except Exception as cause:
-        reason = _describe(cause)
         raise DataError(
-            f"{path}: not a readable {kind} ({reason}): it is damaged, or of another origin: {remedy}."
+            f"{path}: not a readable {kind} ({_describe(cause)}): it is damaged, or of another origin: {remedy}."
         ) from cause
 
 
@@ -120,7 +105,7 @@ def _start() -> tuple[subprocess.Popen[bytes], Connection]:
     nothing = subprocess.DEVNULL
     with end:
         process = subprocess.Popen(
-            command, stdin=nothing, stdout=nothing, stderr=nothing, pass_fds=[end.fileno()], start_new_session=True
+            command, stdout=nothing, stderr=nothing, pass_fds=[end.fileno()], start_new_session=True
         )
     return process, pipe
 
@@ -144,7 +129,7 @@ def _forget() -> None:
 os.register_at_fork(after_in_child=_forget)
 
 
-def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dict[str, Channel]:
+def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dict[str, Variable]:
     """What the other process reads of a file."""
     global _reader
     stamp, size = stamp_file(path), path.stat().st_size
@@ -166,14 +151,15 @@ def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dic
                 raise DataError(f"{path.name}: the file has changed while it was read: wait until it is whole.")
 
 
-def _exchange(process: subprocess.Popen[bytes], pipe: Connection, request: list[Any], name: str) -> dict[str, Channel]:
+def _exchange(process: subprocess.Popen[bytes], pipe: Connection, request: list[Any], name: str) -> dict[str, Variable]:
     """Send a request about a file, and receive channels."""
     channels = {}
     try:
         pipe.send_bytes(json.dumps(request).encode())
         while isinstance(message := json.loads(pipe.recv_bytes()), list):
             role, variable, unit, shape = message
-            channels[role] = Channel(variable, unit, tuple(shape), np.frombuffer(pipe.recv_bytes(), "<f8"))
+            samples = np.frombuffer(pipe.recv_bytes(), "<f8")
+            channels[role] = Variable(variable, tuple(shape), samples.__getitem__, {"unit": unit})
     except (OSError, EOFError):
         code = process.wait()
         if code in ENDS:
@@ -198,13 +184,12 @@ def main() -> None:
     pipe = Connection(int(sys.argv[2]))
     with suppress(EOFError):
         while True:
-            pipe.send_bytes(json.dumps(_answer(pipe, *json.loads(pipe.recv_bytes()))).encode())
+            pipe.send_bytes(json.dumps(_answer(pipe, json.loads(pipe.recv_bytes()))).encode())
 
 
-def _answer(
-    pipe: Connection, task: str, name: str, case: int | None, seconds: float, memory: int, wanted: dict[str, Any]
-) -> dict[str, Any]:
+def _answer(pipe: Connection, request: list[Any]) -> dict[str, Any]:
     """Send the channels that a task with a file gives; its end."""
+    task, name, case, seconds, memory, wanted = request
     path = Path(name)
     try:
         container = choose_container(path)  # a library is imported without limits
@@ -215,8 +200,7 @@ def _answer(
         if task == "try":
             for variable in filter(None, map(contents.find, contents.names())):
                 variable.read(slice(None))
-            return {"warnings": []}
-        channels = find_variables(contents).items() if task == "list" else select_channels(contents, **wanted)
+        channels = select_channels(contents, **wanted) if task == "read" else enumerate(find_variables(contents))
         for role, channel in channels:
             pipe.send_bytes(json.dumps([role, channel.name, channel.unit, channel.shape]).encode())
             pipe.send_bytes(channel.values.tobytes())

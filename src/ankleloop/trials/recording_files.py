@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import math
-import os
 
 import h5py
 import pandas as pd
 import scipy.io
 import xarray as xr
 
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import PathLike, atomic_file
 
 UNITS = {"position": "rad", "reference": "rad", "torque": "N·m"}
 FILE_FORMATS = {"csv": ".csv", "matlab-5": ".mat", "hdf5": ".h5"}  # and their suffixes
 
 
-def write_recording(
-    trial: xr.Dataset, path: str | os.PathLike[str], file_format: str, *, overwrite: bool = False
-) -> None:
+def write_recording(trial: xr.Dataset, path: PathLike, file_format: str, *, overwrite: bool = False) -> None:
     """Write position, torque and reference of a trial as a recording, without the true torques of a simulation."""
-    channels, rate = {name: trial[name].values for name in UNITS if name in trial}, float(trial.attrs["sampling_rate"])
+    channels = {name: trial[name].values for name in UNITS if name in trial}
+    rate = float(trial.attrs["sampling_rate"])
     with atomic_file(path, overwrite=overwrite) as partial:
         if file_format == "csv":
             columns = {"time_s": trial["time"].values, "angle_deg": channels["position"] * 180.0 / math.pi}

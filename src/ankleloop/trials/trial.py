@@ -7,8 +7,7 @@ carries the true parts of its torque, named in `TRUE_TORQUES`.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,15 +15,16 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
-from ankleloop.options import check_flag, check_integer, check_number, check_path
-from ankleloop.signals.sampling import format_samples, parse_rate
-from ankleloop.trials.channels import VARIABLES
-from ankleloop.trials.files import write_netcdf
-from ankleloop.trials.reading_process import readable_file
-from ankleloop.trials.validation import CHANNELS, REQUIRED, validate
+from ankleloop.options import check_integer, check_number
+from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, format_samples, parse_rate
+from ankleloop.trials.channels import VARIABLES, check_unit
 
+CHANNELS = ("position", "torque", "reference")
+REQUIRED = ("position", "torque")
+
+SMALLEST, LARGEST = 1e-15, 1e15  # of a channel, rad or N·m
+MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usually in degrees
 MAX_DEGREE = 10  # of a drift
-PLAIN = (str, bool, int, float)  # attributes that need no conversion: a simulated trial has dozens
 
 
 def new_trial(
@@ -77,17 +77,16 @@ def new_trial(
     for name, value in {"position": position, "torque": torque, "reference": reference, **extras}.items():
         if value is None and name not in REQUIRED:
             continue
-        if name in CHANNELS or (type(value) not in PLAIN and np.ndim(_as_masked_array(value)) > 0):
+        if name in CHANNELS or isinstance(value, list | tuple) or np.ndim(value) > 0:
             arrays[name] = as_signal(value, name, source=source)
         else:
-            attributes[name] = _as_attribute(value, name, source)
+            attributes[name] = _as_attribute(np.asarray(value).item(), name, source)
     check_sizes({name: array.size for name, array in arrays.items()}, source=source)
     time = np.arange(arrays["position"].size) / rate
-    trial = xr.Dataset(
-        {name: ("time", array, _describe_variable(name)) for name, array in arrays.items()},
-        coords={"time": ("time", time, _describe_variable("time"))},
-        attrs=attributes,
-    )
+    trial = xr.Dataset({name: ("time", array) for name, array in arrays.items()}, {"time": time}, attributes)
+    for name in ("time", *arrays):
+        unit, long_name = VARIABLES.get(name, ("N·m" if name.startswith("torque") else "", name.replace("_", " ")))
+        trial[name].attrs = {"units": unit, "long_name": long_name}
     return validate(trial, source=source)
 
 
@@ -138,78 +137,10 @@ def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
     degree = check_integer("remove_drift", "degree", degree, ge=0, le=MAX_DEGREE)
     torque = trial["torque"].values
     grid = np.linspace(-1.0, 1.0, torque.size)
-    legendre = np.polynomial.legendre
-    detrended = torque - legendre.legval(grid, legendre.legfit(grid, torque, degree))
+    detrended = torque - np.polynomial.Legendre.fit(grid, torque, degree)(grid)
     if np.ptp(detrended) <= 1e-9 * np.ptp(torque):
         raise DataError(f"a polynomial of degree {degree} takes all of the torque: there is nothing but drift in it.")
     return validate(trial.assign(torque=trial["torque"].copy(data=detrended)))
-
-
-def save_trial(trial: xr.Dataset, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Save a trial as a NetCDF-4 file.
-
-    The file appears under its name only when it is complete, so that a crash never leaves half a trial.
-
-    Parameters
-    ----------
-    trial : xarray.Dataset
-        A trial, shape (N,) per variable.
-    path : str or pathlib.Path
-        The file to write, in a folder that exists.
-    overwrite : bool
-        Whether to replace a file of this name; without it an existing file is refused.
-
-    Raises
-    ------
-    DataError
-        If the trial is not valid, the file exists, or it cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> trial = new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_trial(trial, f"{folder}/trial.nc")
-    ...     load_trial(f"{folder}/trial.nc").identical(trial)
-    True
-    """
-    path = check_path("save_trial", "path", path)
-    check_flag("save_trial", "overwrite", overwrite)
-    trial = validate(trial, source=path.name)
-    write_netcdf({"": trial}, path, overwrite=overwrite)
-
-
-def load_trial(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Load a trial that `save_trial` wrote: same bits, same attributes.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        The NetCDF file. Files of other origin are read by `ankleloop.trials.readers.read_trial`.
-
-    Returns
-    -------
-    xarray.Dataset
-        The trial, shape (N,) per variable [rad, N·m] over `time` [s].
-
-    Raises
-    ------
-    DataError
-        If the file does not exist, is not NetCDF-4, or does not hold a valid trial.
-
-    Examples
-    --------
-    >>> load_trial("nowhere.nc")
-    Traceback (most recent call last):
-      ...
-    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
-    """
-    path = check_path("load_trial", "path", path)
-    with readable_file(path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial") as file:
-        # Decoding by the CF conventions could change samples and attributes.
-        trial = xr.load_dataset(file, engine="h5netcdf", decode_cf=False).drop_encoding()
-        trial.attrs.update({name: value.item() for name, value in trial.attrs.items() if isinstance(value, np.generic)})
-        return validate(trial, source=path.name)
 
 
 def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
@@ -217,7 +148,10 @@ def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
 
     Shapes: values (N,); returns (N,).
     """
-    array = _as_masked_array(values)
+    try:
+        array = values if isinstance(values, np.ma.MaskedArray) else np.ma.asarray(np.asarray(values))
+    except (TypeError, ValueError):  # lists of different lengths
+        array = np.ma.asarray(np.array(None))
     if array.dtype.kind not in "iuf":
         raise DataError(f"{source}: {name} is of type {array.dtype}, not real numbers: convert it, or choose another.")
     check_shape(array.shape, name, source=source)
@@ -234,17 +168,8 @@ def check_shape(shape: tuple[int, ...], name: str, *, source: str) -> int:
     return size
 
 
-def _as_masked_array(values: Any) -> np.ma.MaskedArray[Any, Any]:
-    """Masked array of the values; a ragged list becomes an array of objects, which `as_signal` refuses by its name."""
-    try:
-        return values if isinstance(values, np.ma.MaskedArray) else np.ma.asarray(np.asarray(values))
-    except (TypeError, ValueError):
-        return np.ma.asarray(np.array([values, None], dtype=object))
-
-
 def _as_attribute(value: Any, name: str, source: str) -> int | float | str:
-    """Plain int, float or str, the types that every NetCDF library writes."""
-    value = value if type(value) in PLAIN else np.asarray(value).item()
+    """An int, a float or a str, the types that every NetCDF library writes."""
     if isinstance(value, bool):
         return int(value)
     if isinstance(value, float | str) or (isinstance(value, int) and -(2**63) <= value < 2**63):
@@ -255,11 +180,6 @@ def _as_attribute(value: Any, name: str, source: str) -> int | float | str:
     )
 
 
-def _describe_variable(name: str) -> dict[str, str]:
-    unit, long_name = VARIABLES.get(name, ("N·m" if name.startswith("torque") else "", name.replace("_", " ")))
-    return {"units": unit, "long_name": long_name}
-
-
 def check_sizes(sizes: Mapping[str, int], *, source: str) -> None:
     """Check that all channels have as many samples as the position."""
     for name, size in sizes.items():
@@ -268,3 +188,117 @@ def check_sizes(sizes: Mapping[str, int], *, source: str) -> None:
                 f"{source}: {name} has {format_samples(size)} but position has {sizes['position']}: cut all variables "
                 "to the same samples."
             )
+
+
+# --- What a trial must keep, and which faults make its samples unusable
+
+
+def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
+    """Check that a data set keeps the contract of a trial; it gets the sampling rate of its times if it has none."""
+    if not isinstance(trial, xr.Dataset):
+        raise DataError(f"{source}: a trial is an xarray.Dataset, not {type(trial).__name__}: make it with new_trial.")
+    for name in (*REQUIRED, "time"):
+        if name not in trial.variables:
+            raise DataError(
+                f"{source}: there is no variable {name} among {sorted(map(str, trial.variables))}: make the trial with "
+                "new_trial, or name the variable in read_trial."
+            )
+    for name, variable in ((str(name), variable) for name, variable in trial.variables.items()):
+        if variable.dims != ("time",) or variable.dtype != np.float64:
+            raise DataError(
+                f"{source}: {name} is of type {variable.dtype} and of shape {variable.shape} over {variable.dims}, not "
+                "one float64 for each time: make the trial with new_trial; put numbers into attrs."
+            )
+        if name in CHANNELS or name.startswith("torque"):
+            check_unit(name, name, str(variable.attrs.get("units", "")), "rad", source=source)
+    time = trial.variables["time"].values
+    measured = compute_rate_of_parts([time], time.size, source=source)
+    rate = parse_rate(trial.attrs.get("sampling_rate", measured), source=source)
+    check_same_rate(rate, measured, source=source)
+    check_samples([{str(name): trial.variables[name].values for name in trial.data_vars}], rate, time[0], source=source)
+    return trial if "sampling_rate" in trial.attrs else trial.assign_attrs(sampling_rate=rate)
+
+
+def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start: float = 0.0, *, source: str) -> None:
+    """Refuse samples that are not finite, channels that are constant, and speeds that no joint reaches.
+
+    The samples come in one block or several, of which the first one begins at `start` [s].
+    """
+    channels: dict[str, _Channel] = {}
+    fastest, fastest_sample, before = 0.0, 0, np.empty(0)
+    for block in blocks:
+        position = np.concatenate([before, block["position"]]) if before.size else block["position"]
+        for name, values in block.items():
+            channels.setdefault(name, _Channel()).add(values)
+        if not channels["position"].missing:
+            sample, speed = peak_speed(position, rate)
+            if not speed <= fastest:
+                fastest, fastest_sample = speed, channels["position"].samples - position.size + sample
+        before = position[-2 * _speed_margin(rate) :].copy()
+    for name, channel in channels.items():
+        if channel.missing:
+            raise DataError(
+                f"{source}: {name} is not finite at sample {channel.sample} ({start + channel.sample / rate:g} s), "
+                f"{format_samples(channel.missing)} in all: cut the trial there or repair the channel."
+            )
+    for name in CHANNELS:
+        if name in channels:
+            _check_spread(name, channels[name], source)
+    if not fastest <= MAX_SPEED:
+        raise DataError(
+            f"{source}: position moves at {fastest:.4g} rad/s at sample {fastest_sample} "
+            f"({start + fastest_sample / rate:g} s), above {MAX_SPEED:g} rad/s: is the position in degrees? pass "
+            "position_unit='deg', or convert it to rad; otherwise look for a spike there."
+        )
+
+
+class _Channel:
+    """Statistics of a channel."""
+
+    def __init__(self) -> None:
+        self.samples, self.missing, self.sample = 0, 0, -1  # `sample` is the first one that is missing
+        self.low, self.high = np.inf, -np.inf
+
+    def add(self, values: np.ndarray) -> None:
+        """Take in the next samples."""
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size and not self.missing:
+            self.sample = self.samples + int(bad[0])
+        self.missing += bad.size
+        self.low, self.high = min(self.low, values.min()), max(self.high, values.max())
+        self.samples += values.size
+
+
+def _speed_margin(rate: float) -> int:
+    """Samples on each side of one that its speed is computed of."""
+    return max(1, round(0.003 * rate))
+
+
+def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
+    """Sample at which the position (N,) moves fastest, and its speed there.
+
+    Speed is the change between the mean of the 3 ms before a sample and the mean of the 3 ms after it: a difference of
+    neighbours at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
+    """
+    half = min(_speed_margin(rate), (position.size - 1) // 2)
+    end = position.size - half
+    with np.errstate(over="ignore", invalid="ignore"):  # of what is refused
+        change = np.diff(position, prepend=position[:1])  # of two samples
+        if half:
+            change = sum(position[half + k : end + k] - position[half - k : end - k] for k in range(1, half + 1))
+        sample = int(np.argmax(np.abs(change)))
+        # The means lie half + 1 samples apart, and each is a sum over half samples.
+        return half + sample, float(abs(change[sample])) * rate / max(half * (half + 1), 1)
+
+
+def _check_spread(name: str, channel: _Channel, source: str) -> None:
+    """Refuse a channel that is constant, or that computers cannot hold the squares of with all digits."""
+    with np.errstate(over="ignore"):
+        spread, largest = channel.high - channel.low, max(-channel.low, channel.high)
+    # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
+    if spread <= 1e-12 * largest:
+        count, remedy = format_samples(channel.samples), "leave it out, or " * (name == "reference")
+        raise DataError(f"{source}: {name} is constant ({channel.low:g} at all {count}): {remedy}check the channel.")
+    if spread < SMALLEST or largest > LARGEST:
+        fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {largest:.3g}"
+        raise DataError(f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale.")

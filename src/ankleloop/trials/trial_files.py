@@ -1,9 +1,8 @@
-"""Trial files: trials of equal length in one file, each with its point of a study and its number there."""
+"""Files of trials: one trial, or those of a study, of equal length, each with its point and its number there."""
 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -12,23 +11,89 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.files import atomic_netcdf
+from ankleloop.options import check_flag, check_path
+from ankleloop.trials.files import PathLike, atomic_netcdf, write_netcdf
 from ankleloop.trials.reading_process import readable_file
-from ankleloop.trials.validation import validate
+from ankleloop.trials.trial import validate
 
-INDEX = "index"  # variable with point and number of each trial, its attributes, and why it is missing, as JSON
-
-Path = str | os.PathLike[str]
-
+INDEX = "index"  # variable with point and number of each trial, and its attributes or why it is missing, as JSON
 
 Trials = Iterator[tuple[str, int, xr.Dataset | str]]  # point and number of each; a text says why there is no trial
 
 
+def save_trial(trial: xr.Dataset, path: PathLike, *, overwrite: bool = False) -> None:
+    """Save a trial as a NetCDF-4 file.
+
+    The file appears under its name only when it is complete, so that a crash never leaves half a trial.
+
+    Parameters
+    ----------
+    trial : xarray.Dataset
+        A trial, shape (N,) per variable.
+    path : str or pathlib.Path
+        The file to write, in a folder that exists.
+    overwrite : bool
+        Whether to replace a file of this name; without it an existing file is refused.
+
+    Raises
+    ------
+    DataError
+        If the trial is not valid, the file exists, or it cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from ankleloop import new_trial
+    >>> trial = new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_trial(trial, f"{folder}/trial.nc")
+    ...     load_trial(f"{folder}/trial.nc").identical(trial)
+    True
+    """
+    path = check_path("save_trial", "path", path)
+    check_flag("save_trial", "overwrite", overwrite)
+    trial = validate(trial, source=path.name)
+    write_netcdf({"": trial}, path, overwrite=overwrite)
+
+
+def load_trial(path: PathLike) -> xr.Dataset:
+    """Load a trial that `save_trial` wrote: same bits, same attributes.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The NetCDF file. Files of other origin are read by `ankleloop.trials.readers.read_trial`.
+
+    Returns
+    -------
+    xarray.Dataset
+        The trial, shape (N,) per variable [rad, N·m] over `time` [s].
+
+    Raises
+    ------
+    DataError
+        If the file does not exist, is not NetCDF-4, or does not hold a valid trial.
+
+    Examples
+    --------
+    >>> load_trial("nowhere.nc")
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
+    """
+    path = check_path("load_trial", "path", path)
+    with readable_file(path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial") as file:
+        # Decoding by the CF conventions could change samples and attributes.
+        trial = xr.load_dataset(file, engine="h5netcdf", decode_cf=False).drop_encoding()
+        trial.attrs.update({name: value.item() for name, value in trial.attrs.items() if isinstance(value, np.generic)})
+        return validate(trial, source=path.name)
+
+
 def save_trials(
     trials: Iterable[xr.Dataset | str],
-    path: Path,
+    path: PathLike,
+    index: Sequence[tuple[str, int]],
     precision: str = "double",
-    index: Sequence[tuple[str, int]] | None = None,
     *,
     overwrite: bool = False,
 ) -> None:
@@ -38,15 +103,12 @@ def save_trials(
     """
     import h5py
 
-    if index is None:
-        trials = list(trials)
-        index = [("only", number) for number in range(len(trials))]
     rows = []
     with atomic_netcdf(path, overwrite=overwrite) as file:
         file.dimensions = {"trial": len(index)}
         for row, (trial, (point, number)) in enumerate(zip(trials, index, strict=True)):
+            rows.append(json.dumps([point, number, trial if isinstance(trial, str) else trial.attrs]))
             if isinstance(trial, str):
-                rows.append(json.dumps([point, number, {}, trial]))
                 continue
             if "time" not in file.variables:
                 size = file.dimensions["time"] = trial.sizes["time"]
@@ -55,20 +117,18 @@ def save_trials(
                     file.create_variable(name, ("trial", "time"), np.dtype(precision), chunks=(1, size))
                 for name, variable in trial.variables.items():
                     file[name].attrs.update(variable.attrs)
-            rows.append(json.dumps([point, number, trial.attrs, ""]))
-            for name in map(str, trial.data_vars):
-                values = trial.variables[name].values
-                if values.any():  # what is not written is zero
-                    file[name][row] = values.astype(precision)
+            for name, signal in trial.data_vars.items():
+                if signal.values.any():  # what is not written is zero
+                    file[name][row] = signal.values.astype(precision)
         file.create_variable(INDEX, ("trial",), h5py.string_dtype())[:] = np.array(rows, dtype=object)
 
 
-def load_trials(path: Path) -> Iterator[xr.Dataset]:
+def load_trials(path: PathLike) -> Iterator[xr.Dataset]:
     """Read the trials that `save_trials` wrote, one after the other; those that failed are left out."""
     yield from (trial for _, _, trial in load_rows(path) if not isinstance(trial, str))
 
 
-def load_rows(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -> Trials:
+def load_rows(path: PathLike, trials: Mapping[str, Sequence[int]] | None = None) -> Trials:
     """Read all trials of a file, or some: the first number at each point, and the one before which they end."""
     with _open(path) as (rows, read):
         if trials is not None:
@@ -81,7 +141,7 @@ def load_rows(path: Path, trials: Mapping[str, Sequence[int]] | None = None) -> 
             yield point, number, read(point, number)
 
 
-def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
+def load_trial_of(paths: Iterable[PathLike], point: str, number: int) -> xr.Dataset:
     """Read one trial of a study."""
     for path in paths:
         with _open(path) as (rows, read):
@@ -94,24 +154,22 @@ def load_trial_of(paths: Iterable[Path], point: str, number: int) -> xr.Dataset:
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[tuple[dict[tuple[str, int], Any], Any]]:
+def _open(path: PathLike) -> Iterator[tuple[dict[tuple[str, int], Any], Any]]:
     """The rows of a trial file by point and number, and a function that reads one; errors name the file."""
-    import h5netcdf
-
     with (
         readable_file(path, "trial file", "delete it and run again") as readable,
-        h5netcdf.File(readable, decode_vlen_strings=True) as file,
+        # Decoding by the CF conventions could change samples and attributes.
+        xr.open_dataset(readable, engine="h5netcdf", decode_cf=False) as file,
     ):
-        rows = {(point, number): (k, *rest) for k, (point, number, *rest) in enumerate(map(json.loads, file[INDEX][:]))}
-        signals = {name: (data, dict(data.attrs)) for name, data in file.variables.items() if data.ndim == 2}
+        texts = file[INDEX].values.tolist()
+        rows = {(point, number): (row, content) for row, (point, number, content) in enumerate(map(json.loads, texts))}
+        signals = file.drop_vars(INDEX).drop_encoding()
 
         def read(point: str, number: int) -> xr.Dataset | str:
-            row, attributes, reason = rows[point, number]
-            if reason:
-                return str(reason)
-            samples = {name: ("time", data[row].astype(float), attrs) for name, (data, attrs) in signals.items()}
-            time = ("time", file["time"][:], dict(file["time"].attrs))
-            trial = xr.Dataset(samples, {"time": time}, attributes)
+            row, content = rows[point, number]
+            if isinstance(content, str):
+                return content
+            trial = signals.isel(trial=row).astype(float).assign_attrs(content)
             return validate(trial, source=f"{path}, trial {number} of {point}")
 
         yield rows, read

@@ -80,7 +80,7 @@ def _make_trial(folder):
 
 
 def _make_trials(folder):
-    save_trials([simulate(seed=1, duration=2.0)] * 2, folder / "a.nc")
+    save_trials([simulate(seed=1, duration=2.0)] * 2, folder / "a.nc", [("a", 0), ("a", 1)])
     _remove_checksum(folder / "a.nc")
 
 

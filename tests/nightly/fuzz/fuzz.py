@@ -15,8 +15,8 @@ import numpy as np
 
 from ankleloop import DataError, LongRecord, load_estimate, load_trial, read_trial
 from ankleloop.trials import reading_process
+from ankleloop.trials.trial import validate
 from ankleloop.trials.trial_files import load_trials
-from ankleloop.trials.validation import validate
 from fuzz.corpus import READERS, make_corpus
 from fuzz.mutation import mutate
 

@@ -7,8 +7,7 @@ import scipy.io
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import check_unit, time_factor
-from ankleloop.trials.containers import decode
+from ankleloop.trials.channels import check_unit, decode, time_factor
 from ankleloop.trials.readers import read_trial
 
 RATE = 500.0

@@ -83,7 +83,7 @@ WRITERS = {
     "write_groups.nc": ("x.nc", lambda t, e, path, **o: write_groups(GROUPS, path, "v", **o)),
     "write_groups.mat": ("x.mat", lambda t, e, path, **o: write_groups(GROUPS, path, "v", **o)),
     "save_trial": ("x.nc", lambda t, e, path, **o: save_trial(t, path, **o)),
-    "save_trials": ("x.nc", lambda t, e, path, **o: save_trials([t], path, **o)),
+    "save_trials": ("x.nc", lambda t, e, path, **o: save_trials([t], path, [("a", 0)], **o)),
     "save_estimate.nc": ("x.nc", lambda t, e, path, **o: save_estimate(e, path, **o)),
     "save_estimate.mat": ("x.mat", lambda t, e, path, **o: save_estimate(e, path, **o)),
     "estimate table": ("x.parquet", lambda t, e, path, **o: write_estimates(e, path, **o)),

@@ -48,6 +48,11 @@ def test_realizations_have_numbers(tmp_path):
     np.testing.assert_allclose(trial.torque, TORQUE, atol=1e-6)
 
 
+def test_channels_of_one_name(tmp_path):
+    with pytest.raises(DataError, match=r"S1.flb: 2 channels are called 'POS' \(channels 1, 2\): give each a name"):
+        read_trial(write(tmp_path / "S1.flb", flb_case(names=("POS", "POS"))), position="POS", torque="POS2")
+
+
 def test_long_records(tmp_path):
     path = write(tmp_path / "S1.flb", flb_case(), flb_case(kind=-2, scale=0.5))
     record = LongRecord(path, position="POS", torque="TQ", reference=None, case=2)

@@ -38,10 +38,3 @@ def test_numbers_and_texts_come_back(path):
         assert read.tobytes() == np.asarray(values, dtype=float).tobytes(), name
         assert read.flags["C_CONTIGUOUS"]
     assert list(path.parent.iterdir()) == [path]
-
-
-def test_complex_numbers_have_a_form_in_both_containers(path):
-    write_groups({"data": xr.Dataset({"poles": ("n", np.array([1 + 2j, 3 - 4j]))})}, path, "contents")
-    read = np.asarray(read_groups(path, "contents")["data"].values["poles"])
-    pairs = read if path.suffix == ".nc" else np.column_stack([read.ravel().real, read.ravel().imag])
-    np.testing.assert_array_equal(pairs, [[1.0, 2.0], [3.0, -4.0]])

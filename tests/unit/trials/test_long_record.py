@@ -12,7 +12,7 @@ from scipy.io import netcdf_file
 
 from ankleloop import DataError, LongRecord, read_trial
 from ankleloop.trials import readers
-from ankleloop.trials.validation import check_samples, validate
+from ankleloop.trials.trial import check_samples, validate
 
 RATE = 1000.0
 N = 1000
@@ -146,7 +146,6 @@ def test_files_that_cannot_be_opened(tmp_path):
 def test_a_file_that_is_changed_later_is_refused(tmp_path):
     write(tmp_path / "rec.h5")
     record = LongRecord(tmp_path / "rec.h5")
-    record._block.cache_clear()  # as after a piece far away
     write(tmp_path / "rec.h5", {"torque": 2 * TQ})
     with pytest.raises(DataError, match=r"^rec.h5: the file has been changed since the record was made"):
         record.read(0, 10)

@@ -11,10 +11,10 @@ import pytest
 import scipy.io
 import xarray as xr
 
+from ankleloop import new_trial, save_trial
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import TRUE_TORQUES
 from ankleloop.trials.readers import read_trial
-from ankleloop.trials.trial import new_trial, save_trial
 
 RATE = 500.0
 T = np.arange(300) / RATE
@@ -134,6 +134,13 @@ def test_mat_v5_struct(tmp_path):
     assert_signals(read_trial(tmp_path / "a.mat", **names))
     with pytest.raises(DataError, match=r"there is no variable 'rec.pos'; the file has: rec.ankle.pos, rec.ankle.tq, "):
         read_trial(tmp_path / "a.mat", position="rec.pos", torque="rec.ankle.tq")
+
+
+def test_mat_v5_with_structs_of_any_shape_beside_the_channels(tmp_path):
+    cells = np.array([{"a": P}, np.array([{"a": P}, {"a": P}], dtype=object)], dtype=object)
+    scipy.io.savemat(tmp_path / "a.mat", {"rec": {"pos": P, "tq": TQ, "Fs": RATE, "cells": cells}})
+    with pytest.raises(DataError, match=r"a.mat: rec.cells is not a number at sample 0 but {'a'"):
+        read_trial(tmp_path / "a.mat", position="rec.cells", torque="rec.tq")
 
 
 def test_mat_v73_struct(tmp_path):

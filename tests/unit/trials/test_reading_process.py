@@ -176,7 +176,7 @@ def whole(tmp_path_factory):
     torque = torque_dataset(np.arange(50) / 100.0, 100.0, **torques)
     estimate = Estimate("riv", torque, None, {"K": 150.0}, {"delay": 0.04})
     save_trial(trial, folder / "trial.nc")
-    save_trials([trial, trial], folder / "trials.nc")
+    save_trials([trial, trial], folder / "trials.nc", [("a", 0), ("a", 1)])
     save_estimate(estimate, folder / "estimate.nc")
     save_estimate(estimate, folder / "estimate.mat")
     return {path.name: path.read_bytes() for path in folder.iterdir()}

@@ -12,7 +12,8 @@ from hypothesis.extra import numpy as hnp
 
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import TRUE_TORQUES
-from ankleloop.trials.trial import load_trial, new_trial, save_trial, segment
+from ankleloop.trials.trial import new_trial, segment
+from ankleloop.trials.trial_files import load_trial, save_trial
 
 RATE = 1000.0
 T = np.arange(500) / RATE

@@ -4,6 +4,8 @@ import pytest
 from ankleloop import DataError, new_trial, simulate
 from ankleloop.trials.trial_files import load_rows, load_trial_of, load_trials, save_trials
 
+INDEX = [("a", k) for k in range(5)]
+
 
 def make_trials(count=3, samples=50, **attributes):
     rng = np.random.default_rng(0)
@@ -15,15 +17,15 @@ def make_trials(count=3, samples=50, **attributes):
 
 def test_trials_that_cannot_be_saved(tmp_path):
     with pytest.raises(DataError, match="no folder"):
-        save_trials(make_trials(1), tmp_path / "nowhere" / "trials.nc")
+        save_trials(make_trials(1), tmp_path / "nowhere" / "trials.nc", INDEX[:1])
     with pytest.raises(ValueError, match=r"zip\(\) argument"):
-        save_trials(make_trials(2), tmp_path / "trials.nc", index=[("a", 0)])
+        save_trials(make_trials(2), tmp_path / "trials.nc", INDEX[:1])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_trials_of_several_points_in_one_file(tmp_path):
     trials, index = make_trials(4), [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
-    save_trials(trials, tmp_path / "trials.nc", index=index)
+    save_trials(trials, tmp_path / "trials.nc", index)
     assert [row[:2] for row in load_rows(tmp_path / "trials.nc")] == index
     assert [row[:2] for row in load_rows(tmp_path / "trials.nc", {"b": (0, 2), "a": (1, 2)})] == [*index[2:], index[1]]
     for trial, (point, number) in zip(trials, index, strict=True):
@@ -34,8 +36,8 @@ def test_trials_of_several_points_in_one_file(tmp_path):
 
 def test_a_point_whose_trials_are_in_several_files(tmp_path):
     trials = make_trials(5)
-    save_trials(trials[:3], tmp_path / "0.nc", index=[("a", k) for k in range(3)])
-    save_trials(trials[3:], tmp_path / "1.nc", index=[("a", k) for k in (3, 4)])
+    save_trials(trials[:3], tmp_path / "0.nc", INDEX[:3])
+    save_trials(trials[3:], tmp_path / "1.nc", INDEX[3:])
     paths = [tmp_path / "0.nc", tmp_path / "1.nc"]
     for number, trial in enumerate(trials):
         np.testing.assert_array_equal(load_trial_of(paths, "a", number)["torque"], trial["torque"])
@@ -47,7 +49,7 @@ def test_a_point_whose_trials_are_in_several_files(tmp_path):
 def test_single_precision_halves_the_file_and_rounds_far_below_a_converter(tmp_path):
     trials = [simulate(seed=k, duration=10.0) for k in range(3)]
     for precision in ("double", "single"):
-        save_trials(iter(trials), tmp_path / f"{precision}.nc", precision=precision)
+        save_trials(iter(trials), tmp_path / f"{precision}.nc", INDEX[:3], precision)
     assert (tmp_path / "single.nc").stat().st_size < 0.6 * (tmp_path / "double.nc").stat().st_size
     for before, after in zip(trials, load_trials(tmp_path / "single.nc"), strict=True):
         assert after["torque"].dtype == np.float64
@@ -59,8 +61,8 @@ def test_single_precision_halves_the_file_and_rounds_far_below_a_converter(tmp_p
 def test_constant_signals_take_a_number_for_each_trial(tmp_path):
     quiet = [simulate(seed=k, duration=10.0, snr_db=None, voluntary=0.0) for k in range(3)]
     loud = [simulate(seed=k, duration=10.0) for k in range(3)]
-    save_trials(quiet, tmp_path / "quiet.nc")
-    save_trials(loud, tmp_path / "loud.nc")
+    save_trials(quiet, tmp_path / "quiet.nc", INDEX[:3])
+    save_trials(loud, tmp_path / "loud.nc", INDEX[:3])
     assert (tmp_path / "quiet.nc").stat().st_size < 0.75 * (tmp_path / "loud.nc").stat().st_size
     for before, after in zip(quiet, load_trials(tmp_path / "quiet.nc"), strict=True):
         np.testing.assert_array_equal(after["torque_noise"], before["torque_noise"])
@@ -70,7 +72,7 @@ def test_constant_signals_take_a_number_for_each_trial(tmp_path):
 def test_attributes_in_which_trials_differ_keep_their_values_and_types(tmp_path):
     trials = [trial.assign_attrs(gain=gain) for trial, gain in zip(make_trials(3), (2, 2.0, 3), strict=True)]
     trials[2].attrs.pop("subject")
-    save_trials(trials, tmp_path / "trials.nc")
+    save_trials(trials, tmp_path / "trials.nc", INDEX[:3])
     for before, after in zip(trials, load_trials(tmp_path / "trials.nc"), strict=True):
         assert after.attrs == before.attrs
         assert type(after.attrs["gain"]) is type(before.attrs["gain"])

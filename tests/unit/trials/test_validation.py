@@ -8,9 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 from ankleloop.errors import DataError
 from ankleloop.signals.sampling import compute_rate_of_parts
-from ankleloop.trials import validation
-from ankleloop.trials.trial import new_trial
-from ankleloop.trials.validation import validate
+from ankleloop.trials.trial import new_trial, peak_speed, validate
 
 RATE = 1000.0
 T = np.arange(500) / RATE
@@ -63,7 +61,7 @@ def test_peak_speed_is_the_largest_difference_of_means(position, rate):
         inside = range(half, position.size - half)
         means = {k: (position[k + 1 : k + half + 1].mean(), position[k - half : k].mean()) for k in inside}
         speeds = {k: abs(after - before) / (half + 1) * rate for k, (after, before) in means.items()}
-    sample, speed = validation.peak_speed(position, rate)
+    sample, speed = peak_speed(position, rate)
     assert speed == pytest.approx(max(speeds.values()), abs=1e-9)
     assert speed == 0.0 or speeds[sample] == pytest.approx(speed, abs=1e-9)
 
