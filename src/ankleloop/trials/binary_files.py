@@ -73,9 +73,19 @@ class MatContents(Contents):
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
         _check_end(path)
-        contents = scipy.io.loadmat(path, None, False, simplify_cells=True)
-        fields = _flatten_struct({name: value for name, value in contents.items() if not name.startswith("__")})
-        self.variables = [Variable(name, value.shape, value.__getitem__) for name, value in fields]
+        for name, shape, kind in scipy.io.whosmat(path, False):
+            if kind == "struct":
+                self.variables += [Variable(field, x.shape, x.__getitem__) for field, x in self._load(name)]
+            else:
+                self.variables.append(Variable(name, shape, partial(self._read, name)))
+
+    def _read(self, name: str, part: slice) -> np.ndarray:
+        return next(self._load(name))[1][part]
+
+    def _load(self, name: str) -> Iterator[tuple[str, np.ndarray]]:
+        """A variable, or all of a struct, by their full names."""
+        contents = scipy.io.loadmat(self.path, None, False, variable_names=[name], simplify_cells=True)
+        return _flatten_struct({name: contents[name]})
 
 
 def _check_end(path: Path) -> None:

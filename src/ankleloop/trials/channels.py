@@ -56,9 +56,7 @@ WORDS = {
     "reference": ("reference", "ref", "command", "cmd", "setpoint", "target"),
 }
 # Words that make another quantity of it.
-OTHERS = frozenset(
-    ("velocity", "speed", "acceleration", "rate", "offset", "gain", "index", "unit", "units", "name", "label")
-)
+OTHERS = {"velocity", "speed", "acceleration", "rate", "offset", "gain", "index", "unit", "units", "name", "label"}
 LISTED = 30  # names of variables that a message lists
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
 # Upper and lower case count: T is often the torque, not the time.
@@ -160,8 +158,8 @@ def find_variable(channel: str, variables: Sequence[Variable], *, source: str, t
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
-        text = f"{len(fitting)} variables may be the {channel}: {list_names(fitting)}. Name one of them."
-        raise DataError(f"{source}: {text}")
+        names = list_names(fitting)
+        raise DataError(f"{source}: {len(fitting)} variables may be the {channel}: {names}. Name one of them.")
     if channel == "reference":
         return None
     text = f"no variable is called {' or '.join(WORDS[channel])}, so that it would be the {channel}; the file has: "

@@ -12,9 +12,7 @@ from pydantic import field_validator, model_validator
 from ankleloop.options import Options, option, show_value
 
 # Names of further variables: not those that a trial has anyway, or that its reading records.
-NAME = (
-    r"(?!torque|(position|reference|time|sampling_rate|source|position_unit|position_sign)$)[A-Za-z]\w*(?<!_variable)"
-)
+NAME = r"(?!torque|(position(_unit|_sign)?|reference|time|sampling_rate|source)$)[A-Za-z]\w*(?<!_variable)"
 FORM = "pairs of a name in the trial and the variable of the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
 
 
@@ -24,15 +22,11 @@ class ReadingOptions(Options):
     position: str = option("position", "name of the position variable in the file")
     torque: str = option("torque", "name of the torque variable in the file")
     reference: str | None = option(None, "name of the command of the servo in the file; null where it was not recorded")
-    sampling_rate: float | None = option(
-        None, "sampling rate; null takes it from the file", unit="Hz", ge=0.001, le=1e9
-    )
+    sampling_rate: float | None = option(None, "sampling rate; null: that of the file", unit="Hz", ge=0.001, le=1e9)
     position_unit: Literal["rad", "deg"] = option("rad", "unit of position and reference in the file")
     position_sign: Literal[1, -1] = option(1, "-1 turns position and reference round")
     torque_sign: Literal[1, -1] = option(1, "-1 turns the torque round, so that it opposes stretch (positive K, B, I)")
-    case: int | None = option(
-        None, "trial of an FLB file, counted from 1; null where the file has one", ge=1, le=1_000_000
-    )
+    case: int | None = option(None, "trial of an FLB file, from 1; null where it has one", ge=1, le=1_000_000)
     variables: dict[str, str] | str | None = option(
         None,
         "further variables of the trial, as a schedule or the phase of a cycle: name in the trial and variable of the "
