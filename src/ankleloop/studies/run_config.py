@@ -136,7 +136,6 @@ def report_parameters(study: Study, files: Mapping[str, Iterable[str]], **places
     tables = list(files.get("tables", ()))
     parameters = {
         "study": study.name,
-        "kind": settings.kind,
         "title": study.title,
         "labels": study.labels,
         "algorithms": {name: method.method for name, method in study.methods.items()},

@@ -6,10 +6,9 @@ from ankleloop.pages.rendering import find_headings, render_page
 
 
 def test_headings_of_one_text_have_different_anchors():
-    body, headings = find_headings("<h2>Trials</h2>" * 3 + '<h3 id="Trials">Trials</h3>')
-    anchors = [anchor for *_, anchor in headings]
-    assert anchors == re.findall(r'id="([^"]*)"', body)
-    assert len(set(anchors)) == 4
+    body, headings = find_headings("<h2>Trials</h2>" * 3 + "<h3>A &amp; <i>B</i></h3>")
+    assert headings == [("2", "Trials")] * 3 + [("3", "A & B")]
+    assert re.findall(r'<h(.) id="([^"]*)">', body) == [("2", f"section-{n}") for n in (1, 2, 3)] + [("3", "section-4")]
 
 
 def test_contents_are_escaped_and_a_page_without_headings_has_none():

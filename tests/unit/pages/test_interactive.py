@@ -8,7 +8,7 @@ import pytest
 import ankleloop
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
-from ankleloop.pages.interactive import list_lines, render_interactive_torques
+from ankleloop.pages.interactive import list_series, render_interactive_torques
 from ankleloop.plotting.style import METHOD_STYLES
 
 HOSTILE = '</script><b>riv & "co"'
@@ -48,20 +48,18 @@ def test_the_window_lies_within_the_record(trial, estimates, window, expected):
 @pytest.fixture(scope="module")
 def lines(trial, estimates):
     styles = dict.fromkeys(estimates, METHOD_STYLES["riv"])
-    return {line.label: (line.time, line.torques) for line in list_lines(prepare(trial), estimates, styles, [])}
+    return {look["name"]: values for look, values in list_series(prepare(trial), estimates, styles, [])}
 
 
 def test_estimates_are_centred_and_residuals_are_what_they_leave(lines, estimates):
-    _, measured = lines["measured"]
-    _, true = lines["true (simulated)"]
+    measured, true = lines["measured"], lines["true (simulated)"]
     for name, estimate in estimates.items():
-        time, torques = lines[name]
-        _, residual = lines[f"residual of {name}"]
-        np.testing.assert_array_equal(time, estimate.torque["time"])
+        torques, residual = lines[name], lines[f"residual of {name}"]
+        np.testing.assert_array_equal(torques["time"], estimate.torque["time"])
         for torque in TORQUES:
             values = estimate.torque[torque].values
             np.testing.assert_allclose(torques[torque], values - values.mean(), atol=1e-12)
-            if time.size == measured["net"].size:
+            if torques["net"].size == measured["net"].size:
                 target = measured[torque] if torque == "net" else true[torque]
                 np.testing.assert_allclose(torques[torque] + residual[torque], target, atol=1e-9)
 
