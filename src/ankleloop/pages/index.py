@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import pandas as pd
 from markupsafe import Markup, escape
@@ -16,13 +15,11 @@ COLOURS = ("#b7dfc2", "#dff0c8", "#eef0c0", "#f3b8a6", "#e3e3e3", "#f6dd9b", "#c
 VERDICT_COLOURS = dict(zip(VERDICTS, COLOURS, strict=True))
 # Of the ledger, in their order: a narrow screen shows the first ones.
 LEDGER_COLUMNS = ["verdict", "section", "statement", "paper", "ours", "unit", "reason", "difference", "tolerance", "id"]
-MOST_ROWS = 1000  # of a table in its page
-KEYS, OTHERS = 3, 9  # columns of a part of a wide table: the first ones, which each part has, and others
+# Rows of a table in its page, and columns of a part of a wide one: the first ones, which each part has, and others.
+MOST_ROWS, KEYS, OTHERS = 1000, 3, 9
 
 
-def render_index(
-    results: Mapping[str, Any], ledger: pd.DataFrame | None = None, conclusions: Conclusions | None = None
-) -> str:
+def render_index(results: Mapping[str, object], ledger: pd.DataFrame | None, conclusions: Conclusions) -> str:
     """Page that lists all results; it opens with what was found, where there is a ledger.
 
     The results are those of `ankleloop.studies.results.collect_results`.
@@ -31,10 +28,10 @@ def render_index(
     if ledger is not None:
         from nbconvert.filters import markdown2html  # here: a package of the workflow, which the library does without
 
-        sentences = "".join(f"- {escape(text)}\n" for text in summarise(ledger, conclusions or {}))
+        sentences = "".join(f"- {escape(text)}\n" for text in summarise(ledger, conclusions))
         opening = {"sentences": markdown2html(sentences), "table1": render_table1(ledger), **_describe_verdicts(ledger)}
     body = render_template("index.html.j2", **results, opening=opening)
-    return render_page("Results", body, pictures_of_files=True)
+    return render_page("Results", body, local_pictures=True)
 
 
 def render_table1(ledger: pd.DataFrame) -> Markup:
@@ -43,18 +40,16 @@ def render_table1(ledger: pd.DataFrame) -> Markup:
     return render_table(cells, colours={text: VERDICT_COLOURS[verdict] for text, verdict in verdicts.items()})
 
 
-def _describe_verdicts(ledger: pd.DataFrame) -> dict[str, Any]:
+def _describe_verdicts(ledger: pd.DataFrame) -> dict[str, object]:
     """What holds, and the name, number, meaning and colour of each verdict."""
     counts = ledger["verdict"].value_counts().reindex(list(VERDICTS), fill_value=0)
-    return {
-        "held": count_held(ledger),
-        "verdicts": list(zip(counts.index, counts, VERDICTS.values(), COLOURS, strict=True)),
-    }
+    verdicts = list(zip(VERDICTS, counts, VERDICTS.values(), COLOURS, strict=True))
+    return {"held": count_held(ledger), "verdicts": verdicts}
 
 
 def render_ledger(ledger: pd.DataFrame) -> str:
     """Page of the ledger: each number and claim of the paper with its verdict in its colour."""
-    table = render_table(tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS, identifier="claims")
+    table = render_table(tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS, name="claims")
     body = render_template("ledger.html.j2", **_describe_verdicts(ledger), table=table)
     return render_page("Ledger", body, index="index.html")
 

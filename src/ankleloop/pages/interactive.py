@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,50 +14,39 @@ from ankleloop.joint.regressors import TORQUES
 from ankleloop.pages.rendering import render_template
 from ankleloop.plotting.estimates import centre_torques, find_window
 from ankleloop.plotting.panels import Styles
-from ankleloop.plotting.style import MEASURED, TRUE, method_styles
+from ankleloop.plotting.style import MEASURED, TRUE
 
 MOST_SAMPLES = 20_000  # of a line: less than 5 MB in the page
 HEIGHT, STRIP = 160, 80  # px of a panel, and of the strip that shows the window in the record
 SHORTEST = 0.05  # s of a window
+SHOWN = 2  # estimates; the others, and all residuals, are hidden at first
 RESIDUAL = 0.45  # opacity of a residual, whose colour is that of the estimate
-TRUE_LABEL = "true (simulated)"
 
 # How Bokeh draws a series, and its time [s] and torques [N·m] by the names of their panels.
 Series = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
 def render_interactive_torques(
-    trial: xr.Dataset | PreparedTrial,
-    estimates: Mapping[str, Estimate],
-    *,
-    window: Mapping[str, float],
-    shown: Collection[str] | None = None,
-    styles: Styles | None = None,
+    trial: xr.Dataset | PreparedTrial, estimates: Mapping[str, Estimate], styles: Styles, window: Mapping[str, float]
 ) -> str:
     """Measured and estimated torques of a whole record, which a reader zooms, moves, and switches on and off."""
-    styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
-    series = list_series(prepare(trial), estimates, styles, list(estimates)[:2] if shown is None else shown)
+    series = list_series(prepare(trial), estimates, styles)
     step = -(-series[0][1]["time"].size // MOST_SAMPLES)
-    known = series[1][0]["name"] == TRUE_LABEL
-    return render_template("interactive.html.j2", step=step, known=known, figure=_draw(series, window, step))
+    return render_template("interactive.html.j2", step=step, figure=_draw(series, window, step))
 
 
-def list_series(
-    trial: PreparedTrial, estimates: Mapping[str, Estimate], styles: Styles, shown: Collection[str]
-) -> list[Series]:
+def list_series(trial: PreparedTrial, estimates: Mapping[str, Estimate], styles: Styles) -> list[Series]:
     """Measured torque, true ones where they are known, estimates, and what they leave of the torques that are known."""
     torques = centre_torques(trial, max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"]))
     measured: Series = {"name": "measured", "color": MEASURED.colour}, {"time": torques.time, "net": torques.measured}
-    series, residuals = [measured], []
-    if torques.true:
-        series.append(({"name": TRUE_LABEL, "color": TRUE.colour}, {"time": torques.time, **torques.true}))
-    for label, estimate in estimates.items():
-        own, look = centre_torques(trial, estimate), {"name": label, "color": styles[label].colour}
-        known = {**own.true, "net": own.measured}
-        left = {torque: known[torque] - own.estimated[torque] for torque in known}
-        series.append(({**look, "visible": label in shown}, {"time": own.time, **own.estimated}))
-        look["name"] = f"residual of {label}"
-        residuals.append(({**look, "alpha": RESIDUAL, "visible": False}, {"time": own.time, **left}))
+    true: Series = {"name": "true (simulated)", "color": TRUE.colour}, {"time": torques.time, **torques.true}
+    series, residuals = [measured, true] if torques.true else [measured], []
+    for rank, (label, estimate) in enumerate(estimates.items()):
+        own, colour = centre_torques(trial, estimate), styles[label].colour
+        left = {name: values - own.estimated[name] for name, values in {**own.true, "net": own.measured}.items()}
+        series.append(({"name": label, "color": colour, "visible": rank < SHOWN}, {"time": own.time, **own.estimated}))
+        look = {"name": f"residual of {label}", "color": colour, "alpha": RESIDUAL, "visible": False}
+        residuals.append((look, {"time": own.time, **left}))
     return series + residuals
 
 
@@ -69,21 +58,19 @@ def _draw(series: list[Series], window: Mapping[str, float], step: int) -> Any:
     from bokeh.models.annotations import Legend, Span
     from bokeh.plotting import figure
 
-    times = series[0][1]["time"]
+    times = series[0][1]["time"][[0, -1]]
     start, end = find_window(times, window["start"], window["length"])
-    x_range = Range1d(start=start, end=end, bounds=(times[0], times[-1]), min_interval=SHORTEST)
+    x_range = Range1d(start=start, end=end, bounds=tuple(times), min_interval=SHORTEST)
     wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
     cursor = CrosshairTool(overlay=Span(dimension="height", line_color="#888888", line_dash="dotted"))
     tips = [("", "$name"), ("time", "$x{0.000} s"), ("torque", "$y{0.000} N·m")]
     size: dict[str, Any] = {"sizing_mode": "stretch_width", "min_border_left": 70}
-    options = {"frame_height": HEIGHT, "x_range": x_range, "tooltips": tips, **size}
-    options |= {"tools": ["xpan", "box_zoom", "reset", "save", wheel, cursor]}
+    tools = ["xpan", "box_zoom", "reset", "save", wheel, cursor]
+    options = {"frame_height": HEIGHT, "x_range": x_range, "tools": tools, "tooltips": tips, **size}
     options |= {"active_scroll": wheel, "active_inspect": cursor}
     panels = {torque: figure(y_axis_label=f"{torque} torque [N·m]", **options) for torque in TORQUES}
     panels["reflex"].xaxis.axis_label = "time [s]"
-    strip = figure(
-        height=STRIP, x_range=Range1d(times[0], times[-1]), y_axis_type=None, toolbar_location=None, tools="", **size
-    )
+    strip = figure(height=STRIP, x_range=Range1d(*times), y_axis_type=None, toolbar_location=None, tools="", **size)
     strip.add_tools(RangeTool(x_range=x_range))
     items: list[Any] = []
     for look, values in series:

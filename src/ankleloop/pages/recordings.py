@@ -19,30 +19,22 @@ from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.recommendation import describe_variations, format_with_interval, recommend
 
-SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
-PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 # Rows of the table of methods: columns of `Analysis.table` with their headings.
-ROWS = {name: QUANTITIES[name].label for name in (*SCORES, *PARAMETERS)}
+ROWS = {name: quantity.label for name, quantity in QUANTITIES.items() if name != "torque"}
 ROWS |= {"intervals": "intervals of the parameters", "selected": "selected"}
 PIXELS_PER_INCH = 137.5  # of the page: a figure of two columns fills it
 DOTS_PER_INCH = 220  # of the picture
 
-Figures = dict[str, DataFigure]
 
-
-def draw_figures(
-    trials: Sequence[xr.Dataset], analysis: Analysis, *, start: float = 10.0, length: float = 5.0
-) -> Figures:
+def draw_figures(trials: Sequence[xr.Dataset], analysis: Analysis, window: Mapping[str, Any]) -> dict[str, DataFigure]:
     """Draw the figures of the page of a recording."""
     marked, spectra = _mark_labels(analysis), analysis.check.spectra
     figures = {"spectra": spectra_figure(spectra)} if spectra else {}
     if estimates := {marked[label]: estimate for label, estimate in analysis.estimates.items()}:
-        names = [name for name in trials[0].data_vars if str(name).startswith("torque_")]
-        recording = trials[0].drop_vars(names)
+        recording = trials[0].drop_vars([name for name in trials[0].data_vars if str(name).startswith("torque_")])
         styles = method_styles({label: estimate.method for label, estimate in estimates.items()})
-        figures["torques"] = torque_figure(recording, estimates, start=start, length=length)
-        window = {"start": start, "length": length}
-        figures["torques"].interactive = render_interactive_torques(recording, estimates, window=window)
+        figures["torques"] = torque_figure(recording, estimates, **window)
+        figures["torques"].interactive = render_interactive_torques(recording, estimates, styles, window)
         figures["models"] = model_figure(estimates)
         if changing := _select_changing(estimates):
             figures["trajectories"] = trajectories_figure(changing, styles=styles)
@@ -52,7 +44,7 @@ def draw_figures(
 
 
 def render_recording_page(
-    name: str, mapping: Mapping[str, Any], analysis: Analysis, figures: Figures, *, index: str | None = None
+    name: str, mapping: Mapping[str, Any], analysis: Analysis, figures: dict[str, DataFigure], index: str | None = None
 ) -> str:
     """Page of a recording: recommendation, checks, methods side by side, change of the joint, figures, residuals."""
     marked = _mark_labels(analysis)
@@ -88,11 +80,9 @@ def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
 def _compare_methods(table: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
     """A row for each quantity that some method has, a column for each method."""
     rows = [row for _, row in table[table["valid"]].iterrows()]
-    cells = {heading: [format_with_interval(row, name) for row in rows] for name, heading in ROWS.items()}
-    delay = ROWS["delay"]  # one without an interval was given
-    cells[delay] = [cell if cell == "–" or "…" in cell else f"{cell} (assumed)" for cell in cells[delay]]
-    shown = {heading: texts for heading, texts in cells.items() if set(texts) - {"–", ""}}
-    return pd.DataFrame.from_dict(shown, "index", columns=labels).reset_index(names="")
+    cells = pd.DataFrame({name: [format_with_interval(row, name) for row in rows] for name in ROWS}, index=labels)
+    cells["delay"] = cells["delay"].str.replace("^[^–…]+$", r"\g<0> (assumed)", regex=True)  # without an interval
+    return cells.loc[:, ~cells.isin(["–", ""]).all()].rename(columns=ROWS).T.reset_index(names="")
 
 
 def _mark_labels(analysis: Analysis) -> dict[str, str]:

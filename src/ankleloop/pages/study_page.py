@@ -6,9 +6,7 @@ import html
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import SimpleNamespace
-from typing import Any
 
-import numpy as np
 import pandas as pd
 from IPython.display import HTML, Image, Markdown, display
 from matplotlib.figure import Figure
@@ -26,6 +24,8 @@ MEANS = (
     "± is half of a 95 % interval. Means leave out failed trials and include those with a warning; those of G, ωn and "
     "ζ leave out trials whose reflex path is no ramp with a low-pass behind it (without G)."
 )
+
+Estimates = Mapping[str, Mapping[int, Estimate]]  # by method and trial
 
 
 class StudyPage(SimpleNamespace):
@@ -59,23 +59,21 @@ class StudyPage(SimpleNamespace):
     def stack(self, x: str, columns: Mapping[str, str]) -> pd.DataFrame:
         """Rows of `ankleloop.plotting.studies.curves_figure`: a column of the table for each panel, over `x`."""
         table = self.table.assign(x=self.table[x])
-        parts = [table.assign(panel=panel, value=table.get(column, np.nan)) for panel, column in columns.items()]
+        parts = [table.assign(panel=panel, value=table.get(column, float("nan"))) for panel, column in columns.items()]
         return pd.concat(parts, ignore_index=True)
 
-    def load_estimates(self, point: str) -> dict[str, dict[int, Estimate]]:
+    def load_estimates(self, point: str) -> Estimates:
         """Estimates at a point, by method and trial."""
         return {name: load_estimates(self.estimates, point, name) for name in self.labels}
 
-    def select_estimates(
-        self, estimates: Mapping[str, Mapping[int, Estimate]], methods: Iterable[str]
-    ) -> dict[str, Estimate]:
+    def select_estimates(self, estimates: Estimates, methods: Iterable[str]) -> dict[str, Estimate]:
         """Estimates of the trial that figures show, by label; those that failed are not among them."""
         trial = self.figure["trial"]
         selection = {self.labels[name]: estimates[name][trial] for name in methods if trial in estimates[name]}
         self.refuse_empty(selection)
         return selection
 
-    def refuse_empty(self, shown: Mapping[str, Any]) -> None:
+    def refuse_empty(self, shown: Mapping[str, object]) -> None:
         """Refuse a figure of a single trial of which nothing was identified."""
         if not shown:
             raise ValueError("the trial of the figure could not be identified: set another number as figure: trial.")

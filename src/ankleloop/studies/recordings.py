@@ -79,7 +79,7 @@ def _analyse(
         log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
         records = {keys[label]: estimates for label, estimates in analysis.records.items()}
         export_estimates(records, folder / name, overwrite=True)
-        figures = draw_figures(trials, analysis, **window)
+        figures = draw_figures(trials, analysis, window)
         for kind, figure in figures.items() if records else ():  # the numbers that they draw
             if figure.data is not None:
                 write_csv(figure.data, folder / name / f"figure-{kind}.csv", overwrite=True)

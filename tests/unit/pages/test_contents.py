@@ -2,13 +2,15 @@
 
 import re
 
-from ankleloop.pages.rendering import find_headings, render_page
+from ankleloop.pages.rendering import render_page
 
 
 def test_headings_of_one_text_have_different_anchors():
-    body, headings = find_headings("<h2>Trials</h2>" * 3 + "<h3>A &amp; <i>B</i></h3>")
-    assert headings == [("2", "Trials")] * 3 + [("3", "A & B")]
-    assert re.findall(r'<h(.) id="([^"]*)">', body) == [("2", f"section-{n}") for n in (1, 2, 3)] + [("3", "section-4")]
+    page = render_page("Results", "<h2>Trials</h2>" * 3 + "<h3>A &amp; <i>B</i></h3>")
+    anchors = [f"section-{number}" for number in range(1, 5)]
+    assert re.findall(r'<h[23] id="([^"]*)">', page) == anchors
+    texts = ["Trials", "Trials", "Trials", "A &amp; B"]
+    assert re.findall(r'<a href="#([^"]*)">(.*?)</a>', page) == list(zip(anchors, texts, strict=True))
 
 
 def test_contents_are_escaped_and_a_page_without_headings_has_none():

@@ -26,6 +26,7 @@ SCRIPTS = [
 ]
 HOSTILE = "<script>alert('x')</script> & \"co\""
 VOID = {"meta", "img", "br", "input"}
+WINDOW = {"start": 3.0, "length": 4.0}
 POLICY = re.compile(r"script-src ([^;]*);")
 
 
@@ -96,7 +97,7 @@ def placeholder_figures():
 
 def test_recording_page_has_checks_methods_figures_and_tests(recording):
     trial, analysis = recording
-    figures = draw_figures([trial], analysis, start=3.0, length=4.0)
+    figures = draw_figures([trial], analysis, WINDOW)
     assert list(figures) == ["spectra", "torques", "models", "residuals"]
     recommendation = recommend(analysis)
     html = render_recording_page("A1", mapping(), analysis, figures)
@@ -126,7 +127,7 @@ def test_recording_page_marks_what_is_not_to_be_trusted(recording):
     table = analysis.table.drop(columns=[name for name in analysis.table if name.endswith(("_low", "_high"))])
     table.loc[0, ["trusted", "warnings", "caution"]] = [False, "not converged.", "its poles are biased."]
     suspect = replace(analysis, table=table)
-    figures = draw_figures([trial], suspect, start=3.0, length=4.0)
+    figures = draw_figures([trial], suspect, WINDOW)
     page = check_page(render_recording_page("A1", mapping(), suspect, figures))
     label = f"riv {HOSTILE}"
     assert f"{label} (warning)" in page.texts
@@ -150,7 +151,7 @@ def test_recording_page_escapes_every_text(recording):
 
 def test_page_of_a_refused_recording_has_its_reason_and_no_figures():
     analysis = refuse_recording(DataError("bad.csv: torque is not finite"))
-    figures = draw_figures([], analysis)
+    figures = draw_figures([], analysis, WINDOW)
     page = check_page(render_recording_page("A3", mapping(subject=""), analysis, figures))
     heading = page.texts.index("A3", page.texts.index("Contents"))
     description = ["condition rest, trial 1, file first.csv", recommend(analysis).text, "Check: refused"]

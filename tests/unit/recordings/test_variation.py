@@ -58,7 +58,7 @@ def test_a_change_is_told_with_its_test_and_the_gain_on_unseen_cycles(analysis):
 @pytest.mark.usefixtures("coarse_pictures")
 def test_the_page_shows_trajectories_bands_and_excitation(analysis):
     trial, result = analysis
-    figures = draw_figures([trial], result)
+    figures = draw_figures([trial], result, {"start": 10.0, "length": 5.0})
     data = figures["trajectories"].data
     assert set(data["series"]) == {"changing", "constant"}
     assert {"value", "low", "high"} <= set(data.columns)
