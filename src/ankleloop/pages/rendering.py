@@ -15,8 +15,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 HEADING = re.compile(r"<h([23])(?=>(.*?)</h\1>)", re.DOTALL)  # level and content
-# Names of methods in cells, which are as short as they can be.
-SHORT_NAMES = {r"Refined instrumental variables( \(riv\))?": "riv", "Parallel cascade": "cascade"}
+# Names of methods in cells, which are as short as they can be; one before a word begins a sentence.
+SHORT_NAMES = {r"Refined instrumental variables(?! \w)( \(riv\))?": "riv", "Parallel cascade": "cascade"}
 TEXT = 24  # letters of a cell from which on it is a text, which wraps
 NUMBER = r"[+-]?[\d.,]+(e[+-]?\d+)?|nan"
 ENVIRONMENT = Environment(

@@ -91,8 +91,7 @@ def recording():
 
 
 def placeholder_figures():
-    names = ("spectra", "torques", "models", "residuals")
-    return dict.fromkeys(names, DataFigure())
+    return dict.fromkeys(("spectra", "torques", "models", "residuals"), DataFigure())
 
 
 def test_recording_page_has_checks_methods_figures_and_tests(recording):
