@@ -24,6 +24,10 @@ class Quantity:
 
 QUANTITIES = {
     "torque": Quantity("torque", "torque", "N·m"),
+    "vaf_unseen": Quantity("net VAF, unseen half", "net VAF, unseen half", "%"),
+    "vaf_net": Quantity("net VAF", "net VAF", "%"),
+    "vaf_intrinsic": Quantity("intrinsic contribution", "intrinsic contribution", "%"),
+    "vaf_reflex": Quantity("reflex contribution", "reflex contribution", "%"),
     "K": Quantity("intrinsic stiffness", "K", "N·m/rad", (0.0, 1e5)),
     "B": Quantity("intrinsic viscosity", "B", "N·m·s/rad", (0.0, 1e3)),
     "I": Quantity("intrinsic inertia", "I", "kg·m²", (0.0, 10.0)),
@@ -33,8 +37,4 @@ QUANTITIES = {
     "pole": Quantity("third pole of the reflex", "p", "rad/s"),
     "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
     "delay": Quantity("reflex delay", "delay", "s", (0.02, 0.07)),
-    "vaf_unseen": Quantity("net VAF, unseen half", "net VAF, unseen half", "%"),
-    "vaf_net": Quantity("net VAF", "net VAF", "%"),
-    "vaf_intrinsic": Quantity("intrinsic contribution", "intrinsic contribution", "%"),
-    "vaf_reflex": Quantity("reflex contribution", "reflex contribution", "%"),
 }

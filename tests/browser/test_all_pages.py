@@ -115,8 +115,8 @@ def test_the_index_leads_to_everything(pages, reproduction, visit):
     assert len(captions) == len({path.stem for path in figures})
     assert all(len(caption) > 60 for caption in captions)
     text = page.inner_text("main")
-    for phrase in ("ankleloop ", "Commit", "2008: ", "at least one of them ran during", "numpy"):
-        assert phrase in page.content() if phrase == "numpy" else phrase in text
+    for phrase in ("ankleloop ", "Commit", "Time of all jobs"):
+        assert phrase in text
 
 
 def test_tables_are_sorted_by_a_click(pages, visit):

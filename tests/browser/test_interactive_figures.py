@@ -5,6 +5,7 @@ import pytest
 import ankleloop
 from ankleloop.pages.interactive import render_interactive_torques
 from ankleloop.pages.rendering import render_page
+from ankleloop.plotting.style import METHOD_STYLES
 
 MOST_BYTES = 8e6
 METHODS = ("riv", "pr-moesp", "eiv-moesp", "parallel-cascade")
@@ -20,7 +21,7 @@ def path(tmp_path_factory):
     """A page with the figure of a trial of 60 s."""
     trial = ankleloop.simulate(seed=1, duration=60.0)
     estimates = {name: ankleloop.identify(trial, name) for name in METHODS}
-    html = render_interactive_torques(trial, estimates, window={"start": 10.0, "length": 5.0})
+    html = render_interactive_torques(trial, estimates, METHOD_STYLES, {"start": 10.0, "length": 5.0})
     path = tmp_path_factory.mktemp("page") / "trial.html"
     path.write_text(render_page("Trial", f"<h1>Trial</h1>{html}"), encoding="utf-8")
     return path

@@ -46,14 +46,14 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
 
 def export_outputs(notebook: nbformat.NotebookNode) -> str:
     """Texts and outputs of a notebook as HTML, without its code."""
-    exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_input_prompt=True)
-    exporter.exclude_output_prompt = True
+    exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_anchor_links=True)
+    exporter.exclude_input_prompt = exporter.exclude_output_prompt = True
     return exporter.from_notebook_node(notebook)[0]
 
 
 def describe_failures_of(study: Mapping) -> str:
     """How many identifications of a simulated study failed."""
-    if study["kind"] != "simulation":
+    if "table_file" not in study:
         return ""
     return describe_failures(read_trial_table(study["table_file"], [*KEYS, "failure"]))
 

@@ -3,144 +3,89 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pandas as pd
+import xarray as xr
 
+from ankleloop.joint.estimate import Estimate
 from ankleloop.pages.interactive import render_interactive_torques
-from ankleloop.pages.rendering import describe_table, render_page, render_template
+from ankleloop.pages.rendering import render_page, render_template
 from ankleloop.plotting.estimates import torque_figure, trajectories_figure
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
-from ankleloop.plotting.style import method_styles, render_figure
+from ankleloop.plotting.style import DataFigure, method_styles, render_figure
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.recommendation import describe_variations, format_with_interval
+from ankleloop.recordings.analysis import Analysis
+from ankleloop.recordings.recommendation import describe_variations, format_with_interval, recommend
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from ankleloop.joint.estimate import Estimate
-    from ankleloop.recordings.analysis import Analysis
-    from ankleloop.recordings.recommendation import Recommendation
-
-SCORES = ("vaf_unseen", "vaf_net", "vaf_intrinsic", "vaf_reflex")
-PARAMETERS = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 # Rows of the table of methods: columns of `Analysis.table` with their headings.
-ROWS = {name: QUANTITIES[name].label for name in (*SCORES, *PARAMETERS)}
+ROWS = {name: quantity.label for name, quantity in QUANTITIES.items() if name != "torque"}
 ROWS |= {"intervals": "intervals of the parameters", "selected": "selected"}
-SUSPECT = "{} (warning)"  # label of a method that is not to be trusted
 PIXELS_PER_INCH = 137.5  # of the page: a figure of two columns fills it
 DOTS_PER_INCH = 220  # of the picture
 
 
-@dataclass(frozen=True)
-class EmbeddedFigure:
-    """A picture that is part of a page."""
-
-    source: str  # the picture as a data URI
-    width: int  # width in the page [px]
-    interactive: str = ""  # HTML of the same figure with more in it, for the screen; empty where there is none
-    data: pd.DataFrame | None = field(default=None, compare=False, repr=False)  # numbers that the figure draws
-
-
-def embed_recording_figures(
-    trial: xr.Dataset | None, analysis: Analysis, *, start: float = 10.0, length: float = 5.0
-) -> dict[str, EmbeddedFigure]:
+def draw_figures(trials: Sequence[xr.Dataset], analysis: Analysis, window: Mapping[str, Any]) -> dict[str, DataFigure]:
     """Draw the figures of the page of a recording."""
-    figures, interactive = {}, {}
-    if analysis.check.spectra:
-        figures["spectra"] = spectra_figure(analysis.check.spectra)
-    if trial is not None and analysis.estimates:
-        recording = trial.drop_vars([name for name in trial.data_vars if str(name).startswith("torque_")])
-        marked = _mark_labels(analysis)
-        estimates = {marked[label]: estimate for label, estimate in analysis.estimates.items()}
-        figures["torques"] = torque_figure(recording, estimates, start=start, length=length)
-        window = {"start": start, "length": length}
-        interactive["torques"] = render_interactive_torques(recording, estimates, window=window)
-        figures["models"] = model_figure(estimates)
+    marked, spectra = _mark_labels(analysis), analysis.check.spectra
+    figures = {"spectra": spectra_figure(spectra)} if spectra else {}
+    if estimates := {marked[label]: estimate for label, estimate in analysis.estimates.items()}:
+        recording = trials[0].drop_vars([name for name in trials[0].data_vars if str(name).startswith("torque_")])
         styles = method_styles({label: estimate.method for label, estimate in estimates.items()})
+        figures["torques"] = torque_figure(recording, estimates, **window)
+        figures["torques"].interactive = render_interactive_torques(recording, estimates, styles, window)
+        figures["models"] = model_figure(estimates)
         if changing := _select_changing(estimates):
             figures["trajectories"] = trajectories_figure(changing, styles=styles)
         tests = {marked[label]: test for label, test in analysis.residuals.items()}
         figures["residuals"] = residual_figure(tests, styles=styles)
-    embedded = {}
-    for name, figure in figures.items():
-        width = round(PIXELS_PER_INCH * figure.get_size_inches()[0])
-        source = f"data:image/png;base64,{base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()}"
-        embedded[name] = EmbeddedFigure(source, width, interactive.get(name, ""), figure.data)
-    return embedded
+    return figures
 
 
 def render_recording_page(
-    name: str,
-    mapping: Mapping[str, Any],
-    analysis: Analysis,
-    recommendation: Recommendation,
-    figures: Mapping[str, EmbeddedFigure],
-    *,
-    index: str | None = None,
+    name: str, mapping: Mapping[str, Any], analysis: Analysis, figures: dict[str, DataFigure], index: str | None = None
 ) -> str:
     """Page of a recording: recommendation, checks, methods side by side, change of the joint, figures, residuals."""
-    valid, marked = analysis.table[analysis.table["valid"]], _mark_labels(analysis)
-    description = [
-        f"{key} {mapping[key]}" for key in ("subject", "condition", "trial") if mapping[key] not in (None, "")
-    ]
-    answer = ""
-    if recommendation.label is not None:
-        row = valid.set_index("label").loc[recommendation.label]
-        answer = f"Use {recommendation.label}: K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}"
+    marked = _mark_labels(analysis)
     body = render_template(
         "recording.html.j2",
         title=name,
-        description=[*description, *(f"file {part['file']}" for part in mapping["parts"])],
-        answer=answer,
-        check=analysis.check,
-        recommendation=recommendation,
+        mapping=mapping,
+        analysis=analysis,
+        marked=marked,
+        recommendation=recommend(analysis),
         figures=figures,
-        methods=describe_table(_compare_methods(valid, list(marked.values()))) if marked else None,
-        variations=[(marked[label], text) for label, text in describe_variations(analysis).items()],
-        remarks=_list_remarks(analysis.table),
-        residuals={marked[label]: test for label, test in analysis.residuals.items()},
+        pictures={name: _embed(figure) for name, figure in figures.items()},
+        methods=_compare_methods(analysis.table, list(marked.values())) if marked else None,
+        variations=describe_variations(analysis),
+        format_with_interval=format_with_interval,
     )
     return render_page(name, body, index=index)
 
 
+def _embed(figure: DataFigure) -> dict[str, Any]:
+    """Attributes of an image that holds a figure."""
+    picture = base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()
+    return {"width": round(PIXELS_PER_INCH * figure.get_size_inches()[0]), "src": f"data:image/png;base64,{picture}"}
+
+
 def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
     """Estimates with trajectories over what the first of them has, and riv beside them; none without any."""
-    sizes = {
-        label: () if part.trajectories is None else tuple(part.trajectories.sizes) for label, part in estimates.items()
-    }
-    first = next(filter(None, sizes.values()), None)
-    shown = [label for label, size in sizes.items() if size == first or (not size and estimates[label].method == "riv")]
-    return {label: estimates[label] for label in shown} if first else {}
+    courses = {label: tuple(e.trajectories.sizes) for label, e in estimates.items() if e.trajectories is not None}
+    first = next(iter(courses.values()), ())
+    return {label: e for label, e in estimates.items() if first and (e.method == "riv" or courses.get(label) == first)}
 
 
-def _compare_methods(valid: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
+def _compare_methods(table: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
     """A row for each quantity that some method has, a column for each method."""
-    table = []
-    for name, heading in ROWS.items():
-        cells = [format_with_interval(row, name) for _, row in valid.iterrows()]
-        if name == "delay":  # a delay without an interval was given
-            cells = [cell if cell == "–" or "…" in cell else f"{cell} (assumed)" for cell in cells]
-        if set(cells) - {"–", ""}:
-            table.append([heading, *cells])
-    return pd.DataFrame(table, columns=["", *labels])
+    rows = [row for _, row in table[table["valid"]].iterrows()]
+    cells = pd.DataFrame({name: [format_with_interval(row, name) for row in rows] for name in ROWS}, index=labels)
+    cells["delay"] = cells["delay"].str.replace("^[^–…]+$", r"\g<0> (assumed)", regex=True)  # without an interval
+    return cells.loc[:, ~cells.isin(["–", ""]).all()].rename(columns=ROWS).T.reset_index(names="")
 
 
 def _mark_labels(analysis: Analysis) -> dict[str, str]:
     """Labels of the methods that were fitted, with a mark on those that have a warning."""
     trusted = set(analysis.table[analysis.table["trusted"]].get("label", ()))
-    return {label: label if label in trusted else SUSPECT.format(label) for label in analysis.estimates}
-
-
-def _list_remarks(table: pd.DataFrame) -> list[tuple[str, str]]:
-    """Labels of methods, with why they were not fitted, their warnings, what to bear in mind, and what they assume."""
-    headings = {"warnings": "warning", "caution": "caution", "unseen_warnings": "fit to the first half"}
-    headings["assumptions"] = "assumed"
-    remarks = []
-    for row in table.to_dict("records"):
-        for name, heading in (headings if row["valid"] else {"warnings": "not fitted"}).items():
-            if isinstance(row.get(name), str) and row[name]:
-                remarks.append((row["label"], f"{heading}: {row[name]}"))
-    return remarks
+    return {label: label if label in trusted else f"{label} (warning)" for label in analysis.estimates}

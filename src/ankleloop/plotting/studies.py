@@ -12,7 +12,7 @@ from ankleloop.plotting.panels import COLUMNS, Panel, Styles, draw_panels, estim
 from ankleloop.plotting.style import ONE_COLUMN, REFERENCE_LINE, TRUE, TWO_COLUMNS, DataFigure, MethodStyle
 from ankleloop.signals.vaf import confidence_margin
 
-RATIO = "rms error over the bound [1]"
+RATIO, LIMITS = "rms error over the bound [1]", (0.7, 50.0)  # and its axis
 
 
 def curves_figure(
@@ -61,12 +61,10 @@ def _summarise(trials: pd.DataFrame) -> pd.DataFrame:
     return means.sort_values(["series", "x"], key=lambda column: column.replace(order))
 
 
-def ratio_figure(
-    table: pd.DataFrame, *, limit: float, largest: float = 50.0, styles: Styles | None = None
-) -> DataFigure:
+def ratio_figure(table: pd.DataFrame, *, limit: float, styles: Styles | None = None) -> DataFigure:
     """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a symbol for a method."""
     titles = {name: name.replace(", ", ",\n", 1) for name in table["panel"]}
-    panels = {name: Panel(RATIO, title, limits=(0.7, largest), log="x") for name, title in titles.items()}
+    panels = {name: Panel(RATIO, title, limits=LIMITS, log="x") for name, title in titles.items()}
     levels = {"the bound": (1.0, TRUE.line), f"{limit:g} times the bound": (limit, REFERENCE_LINE)}
     table = table.filter(["panel", "row", "series", "fault", "failed"]).assign(value=table["ratio"])
     return estimates_figure(table, panels, levels=levels, styles=styles)

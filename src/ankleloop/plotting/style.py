@@ -160,6 +160,7 @@ class DataFigure(Figure):
     """
 
     data: pd.DataFrame | None = None
+    interactive = ""  # HTML of the same figure with more in it, for the screen
 
     def _repr_png_(self) -> bytes:
         """Picture for notebooks."""

@@ -19,10 +19,9 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import NUMERICAL_ERRORS, ResourceError, locate_errors
-from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
+from ankleloop.pages.recordings import draw_figures, render_recording_page
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
-from ankleloop.recordings.recommendation import recommend
 from ankleloop.trials.files import atomic_file, write_csv
 
 log = logging.getLogger(__name__)
@@ -80,11 +79,11 @@ def _analyse(
         log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
         records = {keys[label]: estimates for label, estimates in analysis.records.items()}
         export_estimates(records, folder / name, overwrite=True)
-        figures = embed_recording_figures(trials[0] if trials else None, analysis, **window)
+        figures = draw_figures(trials, analysis, window)
         for kind, figure in figures.items() if records else ():  # the numbers that they draw
             if figure.data is not None:
                 write_csv(figure.data, folder / name / f"figure-{kind}.csv", overwrite=True)
-        page = render_recording_page(name, mapping, analysis, recommend(analysis), figures, index=index)
+        page = render_recording_page(name, mapping, analysis, figures, index=index)
         with atomic_file(folder / f"{name}.html", overwrite=True) as path:
             path.write_text(page, encoding="utf-8")
         refusals = [finding.text for finding in analysis.check.findings if finding.verdict == "refused"]

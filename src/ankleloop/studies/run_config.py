@@ -136,18 +136,20 @@ def report_parameters(study: Study, files: Mapping[str, Iterable[str]], **places
     tables = list(files.get("tables", ()))
     parameters = {
         "study": study.name,
-        "kind": settings.kind,
         "title": study.title,
-        "labels": study.labels,
+        "labels": study.labels,  # of the methods
+        # Of each method its name in the registry.
         "algorithms": {name: method.method for name, method in study.methods.items()},
         "points": study.points if settings.notebook in NEEDS else {},  # the others read tables alone
-        "varied": list(study.varied),
-        "figure": settings.figure.model_dump(),
+        "varied": list(study.varied),  # settings that differ between points
+        "figure": settings.figure.model_dump(),  # what figures of single trials show
+        # A file of trials and one of estimates for each chunk of points; one table of all trials, or of recordings one
+        # for each chunk.
         **{kind: list(files.get(kind, ())) for kind in ("trials", "estimates")},
         **({"table_file": "".join(tables)} if is_simulated else {"tables": tables}),
         **places,
     }
-    if settings.notebook == "sweep":
+    if settings.notebook == "sweep":  # settings that all points share, and what its pictures show
         parameters |= {"settings": settings.simulation.model_dump(), "sweep": settings.sweep.model_dump()}
     return {"study": parameters}
 

@@ -8,10 +8,11 @@ import pytest
 import ankleloop
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
-from ankleloop.pages.interactive import list_lines, render_interactive_torques
+from ankleloop.pages.interactive import list_series, render_interactive_torques
 from ankleloop.plotting.style import METHOD_STYLES
 
 HOSTILE = '</script><b>riv & "co"'
+STYLES = dict.fromkeys([HOSTILE, "cascade"], METHOD_STYLES["riv"])
 WINDOW = {"start": 10.0, "length": 5.0}
 
 
@@ -26,7 +27,7 @@ def estimates(trial):
 
 
 def test_no_text_of_a_label_is_html(trial, estimates):
-    page = render_interactive_torques(trial, estimates, window=WINDOW)
+    page = render_interactive_torques(trial, estimates, STYLES, WINDOW)
     assert page.count("</script>") == 1
     assert "<b>riv" not in page
     assert "residual of \\u003c/script\\u003e\\u003cb\\u003eriv" in page
@@ -37,7 +38,7 @@ def test_no_text_of_a_label_is_html(trial, estimates):
     [({"start": 3.0, "length": 5.0}, (3.0, 8.0)), ({"start": 90.0, "length": 5.0}, None)],
 )
 def test_the_window_lies_within_the_record(trial, estimates, window, expected):
-    page = render_interactive_torques(trial, estimates, window=window)
+    page = render_interactive_torques(trial, estimates, STYLES, window)
     text = page[page.index('"bounds"') - 200 :][:500]
     first = [float(re.search(rf'"{name}": ([\d.]+)', text)[1]) for name in ("start", "end")]
     begin, end = map(float, re.search(r'"bounds": .*?\[([\d.]+), ([\d.]+)\]', text).groups())
@@ -47,28 +48,25 @@ def test_the_window_lies_within_the_record(trial, estimates, window, expected):
 
 @pytest.fixture(scope="module")
 def lines(trial, estimates):
-    styles = dict.fromkeys(estimates, METHOD_STYLES["riv"])
-    return {line.label: (line.time, line.torques) for line in list_lines(prepare(trial), estimates, styles, [])}
+    return {look["name"]: values for look, values in list_series(prepare(trial), estimates, STYLES)}
 
 
 def test_estimates_are_centred_and_residuals_are_what_they_leave(lines, estimates):
-    _, measured = lines["measured"]
-    _, true = lines["true (simulated)"]
+    measured, true = lines["measured"], lines["true (simulated)"]
     for name, estimate in estimates.items():
-        time, torques = lines[name]
-        _, residual = lines[f"residual of {name}"]
-        np.testing.assert_array_equal(time, estimate.torque["time"])
+        torques, residual = lines[name], lines[f"residual of {name}"]
+        np.testing.assert_array_equal(torques["time"], estimate.torque["time"])
         for torque in TORQUES:
             values = estimate.torque[torque].values
             np.testing.assert_allclose(torques[torque], values - values.mean(), atol=1e-12)
-            if time.size == measured["net"].size:
+            if torques["net"].size == measured["net"].size:
                 target = measured[torque] if torque == "net" else true[torque]
                 np.testing.assert_allclose(torques[torque] + residual[torque], target, atol=1e-9)
 
 
 def test_a_long_record_says_what_is_drawn_and_stays_small(trial, estimates, monkeypatch):
-    whole = render_interactive_torques(trial, estimates, window=WINDOW)
+    whole = render_interactive_torques(trial, estimates, STYLES, WINDOW)
     monkeypatch.setattr("ankleloop.pages.interactive.MOST_SAMPLES", 1_000)
-    page = render_interactive_torques(trial, estimates, window=WINDOW)
+    page = render_interactive_torques(trial, estimates, STYLES, WINDOW)
     assert "of every 2 samples one is drawn" in page
     assert len(page) < len(whole)

@@ -13,7 +13,8 @@ import pytest
 import ankleloop
 from ankleloop import DataError
 from ankleloop.pages import rendering
-from ankleloop.pages.recordings import EmbeddedFigure, embed_recording_figures, render_recording_page
+from ankleloop.pages.recordings import draw_figures, render_recording_page
+from ankleloop.plotting.style import DataFigure
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.files import refuse_recording
@@ -25,6 +26,7 @@ SCRIPTS = [
 ]
 HOSTILE = "<script>alert('x')</script> & \"co\""
 VOID = {"meta", "img", "br", "input"}
+WINDOW = {"start": 3.0, "length": 4.0}
 POLICY = re.compile(r"script-src ([^;]*);")
 
 
@@ -89,16 +91,15 @@ def recording():
 
 
 def placeholder_figures():
-    names = ("spectra", "torques", "models", "residuals")
-    return dict.fromkeys(names, EmbeddedFigure("data:image/png;base64,", 400))
+    return dict.fromkeys(("spectra", "torques", "models", "residuals"), DataFigure())
 
 
 def test_recording_page_has_checks_methods_figures_and_tests(recording):
     trial, analysis = recording
-    figures = embed_recording_figures(trial, analysis, start=3.0, length=4.0)
+    figures = draw_figures([trial], analysis, WINDOW)
     assert list(figures) == ["spectra", "torques", "models", "residuals"]
     recommendation = recommend(analysis)
-    html = render_recording_page("A1", mapping(), analysis, recommendation, figures)
+    html = render_recording_page("A1", mapping(), analysis, figures)
     page = check_page(html)
     assert "subject S1, condition rest, trial 1, file first.csv" in page.texts
     assert recommendation.text in page.texts
@@ -114,7 +115,7 @@ def test_recording_page_has_checks_methods_figures_and_tests(recording):
 
 def test_recording_page_has_the_reason_why_a_method_is_not_valid(recording):
     _, analysis = recording
-    page = check_page(render_recording_page("A1", mapping(), analysis, recommend(analysis), placeholder_figures()))
+    page = check_page(render_recording_page("A1", mapping(), analysis, placeholder_figures()))
     reason = page.texts[page.texts.index(f"PI-MOESP {HOSTILE}:") + 1]
     assert reason.startswith("not fitted: least squares for B and D is biased in closed loop")
 
@@ -125,8 +126,8 @@ def test_recording_page_marks_what_is_not_to_be_trusted(recording):
     table = analysis.table.drop(columns=[name for name in analysis.table if name.endswith(("_low", "_high"))])
     table.loc[0, ["trusted", "warnings", "caution"]] = [False, "not converged.", "its poles are biased."]
     suspect = replace(analysis, table=table)
-    figures = embed_recording_figures(trial, suspect, start=3.0, length=4.0)
-    page = check_page(render_recording_page("A1", mapping(), suspect, recommend(suspect), figures))
+    figures = draw_figures([trial], suspect, WINDOW)
+    page = check_page(render_recording_page("A1", mapping(), suspect, figures))
     label = f"riv {HOSTILE}"
     assert f"{label} (warning)" in page.texts
     assert f"{label} (warning):" in page.texts  # of its residual
@@ -134,14 +135,14 @@ def test_recording_page_marks_what_is_not_to_be_trusted(recording):
     assert remarks == ["warning: not converged.", "caution: its poles are biased."]
     assert page.texts[page.texts.index(QUANTITIES["K"].label) + 1] == f"{table.loc[0, 'K']:.4g}"
     assert any("every method that was fitted has a warning" in text for text in page.texts)
-    assert figures["models"] != embed_recording_figures(trial, analysis, start=3.0, length=4.0)["models"]
+    assert set(figures["models"].data["series"]) == {f"{label} (warning)"}
 
 
 def test_recording_page_escapes_every_text(recording):
     _, analysis = recording
     hostile = mapping(subject=HOSTILE, condition=HOSTILE, trial=HOSTILE, parts=[{"file": HOSTILE}])
     for result in (analysis, refuse_recording(DataError(HOSTILE))):
-        html = render_recording_page(HOSTILE, hostile, result, recommend(result), placeholder_figures())
+        html = render_recording_page(HOSTILE, hostile, result, placeholder_figures())
         page = check_page(html)
         assert f"subject {HOSTILE}, condition {HOSTILE}, trial {HOSTILE}, file {HOSTILE}" in page.texts
         assert "script>alert" not in html.replace("&lt;script&gt;", "")
@@ -149,8 +150,8 @@ def test_recording_page_escapes_every_text(recording):
 
 def test_page_of_a_refused_recording_has_its_reason_and_no_figures():
     analysis = refuse_recording(DataError("bad.csv: torque is not finite"))
-    figures = embed_recording_figures(None, analysis)
-    page = check_page(render_recording_page("A3", mapping(subject=""), analysis, recommend(analysis), figures))
+    figures = draw_figures([], analysis, WINDOW)
+    page = check_page(render_recording_page("A3", mapping(subject=""), analysis, figures))
     heading = page.texts.index("A3", page.texts.index("Contents"))
     description = ["condition rest, trial 1, file first.csv", recommend(analysis).text, "Check: refused"]
     assert page.texts[heading + 1 : heading + 4] == description

@@ -22,7 +22,6 @@ def page(tmp_path):
     table.to_parquet(tmp_path / "s-trials.parquet")
     return StudyPage(
         study="s",
-        kind="simulation",
         title="A study",
         labels={"riv": "RIV", "pr": "PR <&>"},
         algorithms={"riv": "riv", "pr": "pr-moesp"},

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ankleloop import save_trial, simulate
-from ankleloop.pages.recordings import embed_recording_figures, render_recording_page
+from ankleloop.pages.recordings import draw_figures, render_recording_page
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.files import add_course, analyse_files, check_course
 from ankleloop.recordings.recommendation import describe_variations, recommend
@@ -58,12 +58,12 @@ def test_a_change_is_told_with_its_test_and_the_gain_on_unseen_cycles(analysis):
 @pytest.mark.usefixtures("coarse_pictures")
 def test_the_page_shows_trajectories_bands_and_excitation(analysis):
     trial, result = analysis
-    figures = embed_recording_figures(trial, result)
+    figures = draw_figures([trial], result, {"start": 10.0, "length": 5.0})
     data = figures["trajectories"].data
     assert set(data["series"]) == {"changing", "constant"}
     assert {"value", "low", "high"} <= set(data.columns)
     assert "excitation" in set(data["quantity"])
-    page = render_recording_page("a", MAPPING, result, recommend(result), figures)
+    page = render_recording_page("a", MAPPING, result, figures)
     assert "Change of the joint" in page
     assert describe_variations(result)["changing"] in page
 

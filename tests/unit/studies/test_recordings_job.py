@@ -84,7 +84,7 @@ def fail_on_bad(function, error):
     return change
 
 
-@pytest.mark.parametrize(("module", "name"), [(files, "analyse"), (job_of_recordings, "embed_recording_figures")])
+@pytest.mark.parametrize(("module", "name"), [(files, "analyse"), (job_of_recordings, "draw_figures")])
 def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, module, name):
     error = np.linalg.LinAlgError("SVD did not converge")
     monkeypatch.setattr(module, name, fail_on_bad(getattr(module, name), error))
@@ -103,7 +103,7 @@ def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, m
 @pytest.fixture
 def no_pages(monkeypatch):
     """Pages without content, because figures take long."""
-    monkeypatch.setattr(job_of_recordings, "embed_recording_figures", lambda *args, **options: {})
+    monkeypatch.setattr(job_of_recordings, "draw_figures", lambda *args, **options: {})
     monkeypatch.setattr(job_of_recordings, "render_recording_page", lambda *args, **options: "")
 
 

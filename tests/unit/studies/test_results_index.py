@@ -60,14 +60,14 @@ def test_what_is_there_is_listed(folder):
     recordings = results["recordings"].set_index(["study", "recording"])
     assert recordings.loc[("laboratory", "A1"), "recommended method"] == HOSTILE
     assert recordings["verdict"].tolist() == ["usable", "refused", "refused"]
-    assert HOSTILE not in render_index(results)
-    assert escape(HOSTILE) in render_index(results)
+    assert HOSTILE not in render_index(results, None, {})
+    assert escape(HOSTILE) in render_index(results, None, {})
 
 
 def test_the_article_of_an_earlier_run_is_left_out(folder):
     results = collect(folder, ledger=None)
     assert list(results["links"].values()) == ["configuration.json"]
-    page = render_index(results)
+    page = render_index(results, None, {})
     assert "Ledger" not in page
 
 
