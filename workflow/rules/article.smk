@@ -41,11 +41,7 @@ rule verify:
             if name in study.methods
         },
         studies={
-            study.name: {
-                "kind": study.settings.kind,
-                "points": study.points,
-                "labels": study.labels,
-            }
+            study.name: {"points": study.points, "labels": study.labels}
             for study in ARTICLE
         },
         library=library("workflow/scripts/verify.py"),

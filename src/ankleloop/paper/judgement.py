@@ -26,20 +26,18 @@ class Mean:
     """Mean over independent trials, with the interval of Student's t distribution."""
 
     value: float  # the mean
-    error: float  # its standard error
-    freedom: float  # degrees of freedom; a mean with less than one has no interval
+    error: float  # its standard error; nan of a single value
+    freedom: float  # degrees of freedom
 
     @classmethod
     def of(cls, values: ArrayLike) -> Mean:
         """Mean of a sample; nan if one of its values is."""
-        values = np.asarray(values, dtype=float)
-        if values.size < 2:
-            return cls(float(values.mean()) if values.size else np.nan, np.nan, 0.0)
-        return cls(float(values.mean()), float(values.std(ddof=1) / np.sqrt(values.size)), values.size - 1.0)
+        sample = pd.Series(values, dtype=float)
+        return cls(float(sample.mean(skipna=False)), float(sample.sem(skipna=False)), len(sample) - 1.0)
 
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of its interval."""
-        margin = self.error * float(special.stdtrit(self.freedom, 0.5 + level / 2)) if self.freedom >= 1 else np.nan
+        margin = self.error * float(special.stdtrit(self.freedom, 0.5 + level / 2))
         return self.value - margin, self.value + margin
 
     def __sub__(self, other: Mean) -> Mean:
@@ -47,7 +45,7 @@ class Mean:
         first, second = self.error**2, other.error**2
         total = first + second
         freedom = min(self.freedom, other.freedom)
-        if freedom >= 1.0 and total > 0.0:
+        if total > 0.0:
             freedom = total**2 / (first**2 / self.freedom + second**2 / other.freedom)
         return Mean(self.value - other.value, math.sqrt(total), freedom)
 
@@ -107,9 +105,7 @@ class Comparison:
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of the interval of the difference."""
         low, high = (end - self.paper for end in self.ours.interval(level))
-        if not self.size or math.isnan(low + high):
-            return low, high
-        return max(0.0, low, -high), max(-low, high)
+        return (np.max([0.0, low, -high]), np.max([-low, high])) if self.size else (low, high)
 
     def room(self, level: float) -> float:
         """How far the interval is within what is accepted; negative if part of it is outside, or there is none."""
