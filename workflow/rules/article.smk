@@ -20,7 +20,6 @@ rule verify:
             category="Verification",
             caption="../report/verification.rst",
         ),
-        page="results/verification.md",
     log:
         "logs/verify.log",
     benchmark:

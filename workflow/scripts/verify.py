@@ -16,9 +16,9 @@ import pandas as pd
 
 from ankleloop.paper.checks import StudyResults
 from ankleloop.paper.economy import measure_economy
-from ankleloop.paper.ledger import format_ledger, verify
+from ankleloop.paper.ledger import verify
 from ankleloop.paper.trial_tables import read_trial_table
-from ankleloop.trials.files import atomic_file, write_csv
+from ankleloop.trials.files import write_csv
 from ankleloop.trials.trial_files import load_trials
 
 from job import running
@@ -34,5 +34,3 @@ with running(snakemake):
     claims, findings = published.pop("claims"), pd.read_csv(snakemake.input.findings)
     ledger = verify(claims, published, studies, economy, findings)
     write_csv(ledger, snakemake.output.ledger, overwrite=True)
-    with atomic_file(snakemake.output.page, overwrite=True) as path:
-        path.write_text(format_ledger(ledger), encoding="utf-8")

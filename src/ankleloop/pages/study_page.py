@@ -17,7 +17,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.pages.rendering import render_table
 from ankleloop.paper.captions import describe_settings, typical_point
-from ankleloop.paper.results import count_trials, describe_faults, list_outcomes
+from ankleloop.paper.results import describe_faults, list_outcomes
 from ankleloop.paper.tables import write_table
 from ankleloop.paper.trial_tables import read_results
 from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
@@ -125,7 +125,7 @@ class StudyPage:
     def _conditions(self) -> str:
         """Number of trials at each point and the settings that they share."""
         settings = describe_settings(self.points[self.typical], self.varied)
-        return f"{count_trials(self.details)} trials at each point; {settings}."
+        return f"{self.details['trial'].nunique()} trials at each point; {settings}."
 
     def fold(self, note: str = "") -> HTML:
         """Trials and settings of the study, and a note, behind a line that opens them."""

@@ -18,7 +18,8 @@ from scipy import stats
 
 from ankleloop.paper import judgement
 from ankleloop.paper.captions import label_setting
-from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity, describe_result, half_interval, judge
+from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity, judge
+from ankleloop.paper.tables import format_number
 from ankleloop.simulation.settings import SimulationSettings
 
 # What Table 1 scores each torque against.
@@ -158,6 +159,17 @@ class Case:
             "difference_high": high,
             "reason": "; ".join(part.rstrip(".") for part in parts if part) + ".",
         }
+
+
+def half_interval(ours: Quantity) -> float:
+    """Half of the 95 % interval of a result."""
+    low, high = ours.interval()
+    return (high - low) / 2.0
+
+
+def describe_result(ours: Quantity) -> str:
+    """A result ± half of its 95 % interval."""
+    return format_number(ours.value, margin=half_interval(ours))
 
 
 def _describe(comparison: Comparison) -> str:

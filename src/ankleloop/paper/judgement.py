@@ -66,24 +66,6 @@ class Measurement:
 Quantity = Mean | Measurement
 
 
-def half_interval(ours: Quantity) -> float:
-    """Half of the 95 % interval of a result."""
-    low, high = ours.interval()
-    return (high - low) / 2.0
-
-
-def describe_result(ours: Quantity) -> str:
-    """A result ± half of its 95 % interval."""
-    return format_result(ours.value, half_interval(ours))
-
-
-def format_result(value: float, margin: float = np.nan, spec: str = ".4g") -> str:
-    """A value ± half of its 95 % interval; without an interval the value alone, a dash where there is none."""
-    if pd.isna(value):
-        return "–"
-    return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
-
-
 @dataclass(frozen=True)
 class Comparison:
     """A result, what it is compared with, and which differences are accepted."""

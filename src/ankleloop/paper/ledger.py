@@ -11,7 +11,7 @@ import yaml
 
 from ankleloop.paper import judgement
 from ankleloop.paper.checks import CHECKS, Case, MissingEvidence, Row, StudyResults
-from ankleloop.paper.judgement import format_result
+from ankleloop.paper.tables import format_number
 
 VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
@@ -81,32 +81,18 @@ def count_held(ledger: pd.DataFrame) -> str:
     return f"{held} of the {decided} numbers and claims of the paper that can be decided hold"
 
 
-def format_ledger(ledger: pd.DataFrame) -> str:
-    """The ledger as a page."""
-    counts = ledger["verdict"].value_counts()
-    summary = "\n".join(f"- {counts.get(verdict, 0)} × **{verdict}**: {text}" for verdict, text in VERDICTS.items())
-    table = tabulate_ledger(ledger).to_markdown(index=False, disable_numparse=True)
-    return (
-        f"# Verification\n\n{count_held(ledger)}, under the assumptions that are stated. One rule in code judges all "
-        "rows (column `how` of `verification.csv` says what is compared; the claims are in `data/published`):\n\n"
-        f"{summary}\n\n± is half of the 95 % confidence interval of the result. The difference is that which decides "
-        "the verdict, with its interval: our result less the published one, or less what column `how` names. It is "
-        f"compared with the tolerance.\n\n{table}\n"
-    )
-
-
 def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
     """The ledger as a table for people."""
     rows = []
     for row in ledger.itertuples():
         condition = f" Condition: {row.conditions}." if row.verdict == judgement.CONDITIONAL else ""
-        difference = format_result(row.difference, spec="+.3g")
+        difference = format_number(row.difference, "+.3g")
         if pd.notna(row.difference_low):
             difference += f" ({row.difference_low:+.3g} … {row.difference_high:+.3g})"
         rows.append(
             {name: getattr(row, name) for name in ("id", "section", "statement", "unit")}
-            | {"paper": format_result(row.paper), "ours": format_result(row.ours, row.uncertainty)}
-            | {"difference": difference, "tolerance": format_result(row.tolerance, spec="g")}
+            | {"paper": format_number(row.paper), "ours": format_number(row.ours, margin=row.uncertainty)}
+            | {"difference": difference, "tolerance": format_number(row.tolerance, "g")}
             | {"verdict": row.verdict, "reason": row.reason + condition}
         )
     return pd.DataFrame(rows)
@@ -135,7 +121,7 @@ def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
 def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
     """Table 1 as the paper prints it, "paper → ours ± half a 95 % interval", and the verdict of each cell."""
     rows = ledger[ledger["id"].str.startswith("table1/")]
-    texts = [f"{row.paper:g} → {format_result(row.ours, row.uncertainty, '.1f')}" for row in rows.itertuples()]
+    texts = [f"{row.paper:g} → {format_number(row.ours, '.1f', row.uncertainty)}" for row in rows.itertuples()]
     methods, torques = rows["statement"].str.split(" by ").str[-1], rows["id"].str.split("/").str[-1] + " [% VAF]"
     cells = pd.DataFrame({"method": methods, "torque": torques, "cell": texts})
     table = cells.pivot(index="method", columns="torque", values="cell").loc[methods.unique(), torques.unique()]

@@ -71,11 +71,6 @@ def count_outcomes(parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     return trials.groupby(list(by), sort=False, dropna=False)[COUNTS].sum().reset_index()
 
 
-def count_trials(parameters: pd.DataFrame) -> int:
-    """Largest number of trials that a method has at a point."""
-    return int(count_outcomes(parameters, ["point", "method"])["trials"].max())
-
-
 def summarise_scores(scores: pd.DataFrame, parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Mean and standard deviation of the VAF over trials, with what the mean leaves out."""
     shared = [name for name in by if name in parameters]

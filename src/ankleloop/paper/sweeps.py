@@ -16,11 +16,12 @@ from ankleloop.errors import DataError
 from ankleloop.paper.results import CONDITIONS, SETTINGS, list_faults, true_values
 from ankleloop.paper.tables import format_pairs
 from ankleloop.paper.trial_tables import (
+    ERRORS,
+    ESTIMATED,
     FAULT_SHARES,
     SWEEP_QUANTITIES,
     default_quantities,
     desired_value,
-    error_source,
     label_parameter,
     read_trial_table,
 )
@@ -109,8 +110,7 @@ class SweepStudy:
         shown, pair = trials[trials["method"].isin(list(labels))], settings["difference"] or ()
         difference = " − ".join(methods[name] for name in pair)
         if pair:
-            paired = [name for name in quantities if name not in FAULT_SHARES]
-            shown = pd.concat([shown, pair_methods(trials, pair[0], pair[1], paired)], ignore_index=True)
+            shown = pd.concat([shown, pair_methods(trials, pair[0], pair[1], quantities)], ignore_index=True)
         return cls(
             shown,
             parameters,
@@ -129,17 +129,17 @@ class SweepStudy:
         return summarise_sweep(self.trials, by, self.quantities)
 
     def label_rows(self, summary: pd.DataFrame) -> pd.DataFrame:
-        """A summary as figures take it: labels of panels and series, and marks; of shares of trials without marks."""
-        series = summary["method"].map(self.labels).fillna(self.difference)
-        is_difference = ~summary["method"].isin(list(self.labels))
-        keys = list(zip(summary["quantity"], is_difference, strict=True))
-        labels = [self.panels[key].label if key in self.panels else "" for key in keys]
-        table = summary.assign(series=series, panel=labels).rename(columns={"mean": "value"})
-        table = table[table["panel"] != ""]
-        faults, has_marks = table["failures"] + table["warnings"], ~table["quantity"].isin(FAULT_SHARES)
-        failed = has_marks & (table["failures"] == table["trials"])
-        marked = has_marks & (faults > 0) & (faults >= FAULT_SHARE * table["trials"]) & ~failed
-        return table.assign(marked=marked, failed=failed).drop(columns="quantity")
+        """A summary as figures take it: panels, series, bands and marks; shares of trials have neither of these."""
+        table = summary.rename(columns={"mean": "value"})
+        is_share, series = table["quantity"].isin(FAULT_SHARES), table["method"].map(self.labels)
+        keys = zip(table["quantity"], series.isna(), strict=True)
+        table["series"], table["panel"] = series.fillna(self.difference), [self.panels[key].label for key in keys]
+        margin = table["margin"].mask(is_share)
+        table["low"], table["high"] = table["value"] - margin, table["value"] + margin
+        faults = table["failures"] + table["warnings"]
+        table["failed"] = ~is_share & (table["failures"] == table["trials"])
+        table["marked"] = ~is_share & ~table["failed"] & (faults >= FAULT_SHARE * table["trials"])
+        return table.drop(columns="quantity")
 
 
 def _list_panels(
@@ -152,7 +152,7 @@ def _list_panels(
         if name in SETTINGS and SETTINGS[name] not in varied:
             truth = true_values(simulation, [name])[name]
         panels[name, False] = SweepPanel(name, quantity.label, desired_value(name), truth)
-        if with_difference and name not in FAULT_SHARES:
+        if with_difference:
             label = f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
             panels[name, True] = SweepPanel(name, label, "zero")
     return panels
@@ -164,14 +164,12 @@ def measure_trials(
     """Quantities of each trial of a table; errors are relative to the truth of each point, in per cent."""
     faults = list_faults(table)
     trials = table[["point", "trial", *varied, "method"]].assign(failed=faults["failures"], warned=faults["warnings"])
+    table = table.assign(**(100.0 * faults))
     for name in quantities:
-        if name in FAULT_SHARES:
-            trials[name] = 100.0 * faults[name]
-            continue
-        source = error_source(name) or name
+        source = ERRORS.get(name, name)
         # Where the points of a sweep have a value of the same name, the estimate has another column.
-        values = table.get(f"{source}_estimated", table.get(source, pd.Series(np.nan, table.index))).astype(float)
-        if source != name:  # an error [%] does not exist where the truth is 0
+        values = table.get(f"{source}{ESTIMATED}", table.get(source, pd.Series(np.nan, table.index))).astype(float)
+        if name in ERRORS:  # an error [%] does not exist where the truth is 0
             setting = SETTINGS[source]
             truth = table.get(setting, pd.Series(simulation.get(setting), table.index)).astype(float)
             values = 100.0 * (values / truth.where(truth != 0) - 1.0)
@@ -195,16 +193,14 @@ def _group(table: pd.DataFrame, by: Sequence[str]) -> Any:
 
 def summarise_sweep(trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]) -> pd.DataFrame:
     """Means over trials with their spread, and what the means leave out."""
-    groups = _group(trials, by)
+    values = trials.melt([*by, "failed", "warned"], quantities, "quantity")
+    groups = _group(values, [*by, "quantity"])
+    table = groups["value"].agg(mean="mean", sd="std", n="count")
+    for column, level in QUANTILES.items():
+        table[column] = groups["value"].quantile(level)
     counts = groups.agg(trials=("failed", "size"), failures=("failed", "sum"), warnings=("warned", "sum"))
-    tables = []
-    for name in quantities:
-        table = groups[name].agg(mean="mean", sd="std", n="count")
-        table["margin"] = confidence_margin(table["sd"], table["n"])
-        for column, level in QUANTILES.items():
-            table[column] = groups[name].quantile(level)
-        tables.append(pd.concat([table, counts], axis=1).reset_index().assign(quantity=name))
-    return pd.concat(tables, ignore_index=True)[[*by, "quantity", *STATISTICS, *FAULTS]]
+    table = table.assign(margin=confidence_margin(table["sd"], table["n"])).join(counts).reset_index()
+    return table[[*by, "quantity", *STATISTICS, *FAULTS]]
 
 
 def summarise_effects(
@@ -242,9 +238,8 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
         return draw_map(sweep)
     binned = len(sweep.axes) > 1
     effects = [summarise_effects(sweep.trials, axis, sweep.quantities, binned=binned) for axis in sweep.axes]
-    table = _add_ends(pd.concat(effects))
-    table.loc[table["quantity"].isin(FAULT_SHARES), ["low", "high"]] = np.nan  # counts have no band
-    figure = lines_figure(sweep.label_rows(table), sweep.axes, list(sweep.panels.values()), sweep.styles)
+    rows = sweep.label_rows(pd.concat(effects))
+    figure = lines_figure(rows, sweep.axes, list(sweep.panels.values()), sweep.styles)
     return figure, f"{_describe(sweep, sweep.axes)}; {BANDS}.{MARKS}"
 
 
@@ -256,17 +251,12 @@ def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
         trials = trials.assign(**{axis.name: axis.bin(trials[axis.name]) for axis in (x, y)})
         x, y = (SweepAxis.of(axis.name, axis.label, trials[axis.name], axis.words) for axis in (x, y))
     table = trials.assign(x=trials[x.name], y=trials[y.name])
-    cells = sweep.label_rows(_add_ends(summarise_sweep(table, ["x", "y", "method"], sweep.quantities)))
+    cells = sweep.label_rows(summarise_sweep(table, ["x", "y", "method"], sweep.quantities))
     figure = maps_figure(cells, (x, y), list(sweep.panels.values()))
     truths = [SWEEP_QUANTITIES[panel.quantity].symbol for panel in sweep.panels.values() if panel.truth is not None]
     white = f" White is the true value of {', '.join(truths)}." if truths else ""
     text = f"{_describe(sweep, sweep.axes[:2])}. The ends of colour bars stand for all values beyond them."
     return figure, f"{text}{white}{MARKS}"
-
-
-def _add_ends(table: pd.DataFrame) -> pd.DataFrame:
-    """Ends of the intervals of means."""
-    return table.assign(low=table["mean"] - table["margin"], high=table["mean"] + table["margin"])
 
 
 def _describe(sweep: SweepStudy, axes: tuple[SweepAxis, ...]) -> str:
@@ -284,12 +274,12 @@ def describe_design(sweep: SweepStudy) -> str:
     settings = [axis.name for axis in sweep.parameters if axis.name in SimulationSettings.model_fields]
     conditions = len(points[settings].drop_duplicates()) if settings else 1
     own = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
-    trials = own.groupby(["point", "method"], observed=True).size().max()
     absent = ", ".join(SWEEP_QUANTITIES[name].symbol for name in sweep.absent)
     return (
         f"Varied: {'; '.join(map(_list_values, sweep.parameters)) or 'nothing'}. Points: {len(points):,}; conditions "
-        f"(points that differ in options alone share their trials): {conditions:,}; trials at each point: {trials}. "
-        f"Identifications: {len(own):,}; failed: {own['failed'].sum():,}; with a warning: {own['warned'].sum():,}."
+        f"(points that differ in options alone share their trials): {conditions:,}; trials at each point: "
+        f"{own['trial'].nunique()}. Identifications: {len(own):,}; failed: {own['failed'].sum():,}; with a warning: "
+        f"{own['warned'].sum():,}."
     ) + (f" No method of this study gives {absent}." if absent else "")
 
 
@@ -307,10 +297,10 @@ def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     goals = table["quantity"].map(desired_value)
     error = np.sqrt(table["mean"] ** 2 + table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"])
     size = table["mean"].mask(goals == "high", -table["mean"]).mask(goals == "zero", error)  # the less, the better
-    groups = dict(iter(table.assign(size=size).sort_values("size", kind="stable").groupby(["quantity", "method"])))
+    table = table.assign(size=size).sort_values("size", kind="stable")
     rows = []
     for name, method in product(sweep.quantities, sweep.labels):
-        part = groups.get((name, method), table[:0])
+        part = table[(table["quantity"] == name) & (table["method"] == method)]
         ranks = ("best", "worst") if desired_value(name) else ("lowest", "highest")
         for rank, (_, point) in zip(ranks, part.iloc[[0, -1]].iterrows(), strict=True) if len(part) > 1 else ():
             row = {"quantity": SWEEP_QUANTITIES[name].label, "method": sweep.labels[method], "rank": rank}

@@ -17,20 +17,15 @@ from ankleloop.trials.files import atomic_file, write_csv
 
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"
-STEP_LABELS = {
-    "kernel-derivatives": "derivatives of the kernel",
-    "early-nonlinearity": "nonlinearity before decimation",
-    "rank-policy": "rank policy",
-    "scaling": "scaling of the channels",
-    "mean-removal": "removal of means",
-}
 SEPARATOR = "-without-"  # in the name of a method: method, step
 COLUMNS = ["vaf_net_measured", "vaf_intrinsic_true", "vaf_reflex_true", "K", "B", "I", "spectral_radius", "pole_error"]
 
 
-def format_number(value: float, spec: str) -> str:
-    """A number in a table for people; a dash if it does not exist."""
-    return "–" if pd.isna(value) else f"{value:{spec}}"
+def format_number(value: float, spec: str = ".4g", margin: float = np.nan) -> str:
+    """A value, with ± half of its 95 % interval where there is one; a dash where there is no value."""
+    if pd.isna(value):
+        return "–"
+    return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
 
 
 def format_pairs(first: Iterable[float], second: Iterable[float], template: str = "{:.1f} ± {:.1f}") -> list[str]:
@@ -116,7 +111,7 @@ def tabulate_omissions(
     for condition, point in filtered.items():
         for method in (name for name in labels if SEPARATOR not in name):
             places = {COMPLETE: (point, method), FILTER: (unfiltered.get(condition), method)}
-            places |= {STEP_LABELS[step]: (point, f"{method}{SEPARATOR}{step}") for step in OMITTED_STEPS}
+            places |= {step.replace("-", " "): (point, f"{method}{SEPARATOR}{step}") for step in OMITTED_STEPS}
             for label, place in places.items():
                 if place in results:
                     row = {"condition": condition, "method": labels[method], "omitted_step": label}

@@ -18,6 +18,7 @@ from pyarrow import dataset, parquet
 
 from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import METHODS
 from ankleloop.paper.captions import label_setting
 from ankleloop.paper.results import SETTINGS
@@ -28,7 +29,7 @@ from ankleloop.trials.reading_process import name_errors
 
 PathLike = str | os.PathLike[str]
 
-TORQUES = ("net", "intrinsic", "reflex")
+ERRORS = {f"{name}_error": name for name in SETTINGS}  # parameter of which a quantity is the relative error
 SHOWN = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
 TRAJECTORY_SCORES = {
@@ -40,7 +41,7 @@ TRAJECTORY_SCORES = {
 SYMBOLS = {  # symbol and unit of each quantity
     **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("true", "measured")},
     **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
-    **{f"{name}_error": (f"error of {QUANTITIES[name].symbol}", "%") for name in SETTINGS},
+    **{error: (f"error of {QUANTITIES[name].symbol}", "%") for error, name in ERRORS.items()},
     "order": ("order", "1"),
     "passes": ("passes", "1"),
     "spectral_radius": ("spectral radius", "1"),
@@ -201,17 +202,11 @@ def default_quantities(columns: Collection[str]) -> list[str]:
     return [name for name in first if name] + [f"{name}_error" for name in ("K", "G") if name in columns]
 
 
-def error_source(quantity: str) -> str | None:
-    """Parameter of which a quantity is the relative error; None for a quantity that is no error."""
-    name = quantity.removesuffix("_error")
-    return name if name != quantity and name in SETTINGS else None
-
-
 def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
     """What a method should reach: "high" for a VAF, "zero" for an error or bias, "low" for a share of faults."""
     if quantity.startswith(("vaf_", "unseen_")):
         return "high"
-    if error_source(quantity) or quantity.endswith("_bias"):
+    if quantity in ERRORS or quantity.endswith("_bias"):
         return "zero"
     return "low" if quantity == "pole_error" or quantity.endswith("_nrmse") or quantity in FAULT_SHARES else None
 

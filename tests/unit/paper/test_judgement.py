@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ankleloop.paper.checks import bootstrap_rank_correlation
+from ankleloop.paper.checks import bootstrap_rank_correlation, half_interval
 from ankleloop.paper.judgement import (
     AT_TOLERANCE,
     LEVEL,
@@ -16,7 +16,6 @@ from ankleloop.paper.judgement import (
     Comparison,
     Mean,
     Measurement,
-    half_interval,
     judge,
 )
 

@@ -7,7 +7,6 @@ import pytest
 from ankleloop.paper.results import (
     COUNTS,
     count_outcomes,
-    count_trials,
     summarise_scores,
 )
 
@@ -39,7 +38,6 @@ def test_counts_of_each_method_at_each_point(parameters):
         ["q", "riv", 3, 0, 0, 0],
         ["q", "pr", 3, 0, 0, 0],
     ]
-    assert count_trials(parameters) == 3
 
 
 def test_a_trial_of_several_methods_is_one_trial(parameters):
