@@ -45,7 +45,7 @@ def verify(
     ]
     rows = pd.concat([*numbers, claims.assign(source=PAPER), findings.assign(source=FINDING)], ignore_index=True)
     by_quantity = measurements.set_index("quantity")
-    results = [_check(Case(claim, studies, by_quantity, tables)) for claim in rows.itertuples()]
+    results = [_check(Case(claim, studies, by_quantity)) for claim in rows.itertuples()]
     return rows.join(pd.DataFrame(results)).reindex(columns=COLUMNS)
 
 

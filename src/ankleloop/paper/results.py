@@ -90,9 +90,8 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     failed = parameters.reindex(columns=["point", "method", "failure"]).dropna(subset="failure").astype(str)
     if failed.empty:
         return ""
-    reasons = failed["failure"].str.replace(NUMBER, "#", regex=True)
-    failed["count"] = reasons.groupby(reasons).transform("size")
-    examples = failed[~reasons.duplicated()].sort_values("count", ascending=False, kind="stable")
+    groups = failed.groupby(failed["failure"].str.replace(NUMBER, "#", regex=True), sort=False)
+    examples = groups.first().assign(count=groups.size()).sort_values("count", ascending=False, kind="stable")
     parts = [f"{len(failed):,} of {len(parameters):,} identifications failed; means leave them out"]
     for row in examples.head(MOST_REASONS).itertuples():
         parts.append(f"{row.count:,} of them, such as {row.method} at {row.point}: {row.failure.rstrip('.')}")

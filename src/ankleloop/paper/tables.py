@@ -83,12 +83,16 @@ def compare_with_bound(
         estimated = details[details["method"] == method].dropna(axis="columns", how="all")  # at some point
         for name in (name for name in truths[point] if name in estimated):
             truth, bound, values = truths[point][name], bounds[point, method].get(name, np.nan), part[name].dropna()
-            rmse, mean = float(np.sqrt(((values - truth) ** 2).mean())), values.mean()
-            ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().to_numpy(dtype=float)
-            covered = 100.0 * ((ends[:, 0] <= truth) & (truth <= ends[:, 1])).mean() if len(ends) else np.nan
+            mean, rmse = values.mean(), float(np.sqrt(((values - truth) ** 2).mean()))
+            ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().astype(float)
+            is_covered = (ends[f"{name}_low"] <= truth) & (truth <= ends[f"{name}_high"])
             row = {"point": point, "method": method, "parameter": name, "truth": truth}
             row |= {"mean": mean, "bias": mean - truth, "sd": values.std(), "rmse": rmse, "n": len(values)}
-            row |= {"bound": bound, "ratio": rmse / bound if bound > 0 else np.nan, "covered": covered}
+            row |= {
+                "bound": bound,
+                "ratio": rmse / bound if bound > 0 else np.nan,
+                "covered": 100.0 * is_covered.mean(),
+            }
             rows.append(row | counts.loc[(point, method)].to_dict())
     return pd.DataFrame(rows)
 
