@@ -55,14 +55,9 @@ class StudyPage:
     sweep: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
-    def results(self) -> pd.DataFrame:
-        """Scores: a row for each torque of each estimate."""
-        return read_results(self.table_file)[1]
-
-    @cached_property
     def details(self) -> pd.DataFrame:
         """Scores, parameters and diagnostics: a row for each estimate."""
-        return read_results(self.table_file)[0]
+        return read_results(self.table_file)
 
     @cached_property
     def table(self) -> pd.DataFrame:

@@ -71,11 +71,13 @@ def count_outcomes(parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     return trials.groupby(list(by), sort=False, dropna=False)[COUNTS].sum().reset_index()
 
 
-def summarise_scores(scores: pd.DataFrame, parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Mean and standard deviation of the VAF over trials, with what the mean leaves out."""
-    shared = [name for name in by if name in parameters]
-    summary = scores.groupby(list(by), sort=False)["vaf"].agg(mean="mean", sd="std", n="count").reset_index()
-    return summary.merge(count_outcomes(parameters, shared), on=shared)
+def summarise_scores(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Mean and standard deviation of each VAF over trials, a row for each torque, with what the mean leaves out."""
+    scores = table.set_index(list(by)).filter(regex="^vaf_")
+    scores.columns = pd.MultiIndex.from_tuples([name.split("_")[1:] for name in scores], names=["torque", "against"])
+    groups = scores.stack(["torque", "against"]).groupby(level=[*by, "torque", "against"], sort=False)
+    summary = groups.agg(mean="mean", sd="std", n="count").reset_index()
+    return summary.merge(count_outcomes(table, by), on=list(by))
 
 
 def summarise_columns(table: pd.DataFrame, by: Sequence[str], names: Sequence[str]) -> pd.DataFrame:

@@ -50,12 +50,10 @@ def format_means(
     return format_pairs(means, margins, template)
 
 
-def compare_with_published(
-    scores: pd.DataFrame, parameters: pd.DataFrame, published: pd.DataFrame, by: Sequence[str]
-) -> pd.DataFrame:
+def compare_with_published(details: pd.DataFrame, published: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Mean and standard deviation over trials beside the published numbers."""
     keys = ["method", "torque", "against"]
-    table = summarise_scores(scores, parameters, [*by, *keys]).merge(published, how="left", on=keys)
+    table = summarise_scores(details, [*by, "method"]).merge(published, how="left", on=keys)
     return table[[*by, *keys, "paper", "mean", "sd", "n", *COUNTS]]
 
 

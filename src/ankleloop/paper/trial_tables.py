@@ -6,7 +6,6 @@ Each file holds the hash of the settings that made it.
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Literal
@@ -39,7 +38,7 @@ TRAJECTORY_SCORES = {
     "rise": ("rise time of {}(·)", "s"),
 }
 SYMBOLS = {  # symbol and unit of each quantity
-    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("true", "measured")},
+    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("measured", "true")},
     **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
     **{error: (f"error of {QUANTITIES[name].symbol}", "%") for error, name in ERRORS.items()},
     "order": ("order", "1"),
@@ -163,19 +162,13 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
         return parquet.read_table(path, columns=columns, read_dictionary=texts, **options).to_pandas(use_threads=False)
 
 
-def read_results(path: PathLike) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Trials of a study without the intervals of their VAF, and their VAF by torque; by point, method and trial."""
+def read_results(path: PathLike) -> pd.DataFrame:
+    """Trials of a study without the intervals of their VAF, by point, method and trial."""
     table = read_trial_table(path)
     ranks = [pd.factorize(table[name])[0] for name in ("method", "point")]
     table = table.iloc[np.lexsort((table["trial"], *ranks))].reset_index(drop=True)
     table = table.astype(dict.fromkeys(table.select_dtypes("category").columns, object))
-    keys = table[table.columns[: table.columns.get_loc("trial") + 1]]
-    scores = []
-    for torque, against in itertools.product(TORQUES, ("measured", "true")):
-        if (name := f"vaf_{torque}_{against}") in table:
-            low, high = (table.pop(f"{name}{end}") for end in ENDS)
-            scores.append(keys.assign(torque=torque, against=against, vaf=table[name], low=low, high=high))
-    return table, pd.concat(scores).sort_index(kind="stable").reset_index(drop=True)
+    return table.drop(columns=[name for name in table if name.startswith("vaf_") and name.endswith(ENDS)])
 
 
 def _read_schema(path: PathLike) -> pa.Schema:
