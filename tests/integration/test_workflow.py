@@ -139,7 +139,7 @@ def test_the_whole_paper_is_there(reproduction):
     assert len(ledger[ledger["source"] == "paper"]) == len(claims) + 18
     assert {"net-vaf-hides-bias", "riv-unbiased"} <= set(ledger["id"])
     assert ledger["reason"].notna().all()
-    ledger_page = page(reproduction / "results/ledger.html")
+    ledger_page = (reproduction / "results/ledger.html").read_text(encoding="utf-8")
     assert all(name in ledger_page for name in ledger["id"])
     article = page(reproduction / "results/article.html")
     for text in ("Figure 1.", "Figure 2.", "Table 1.", "Figure 3.", "Figure 4.", "simulated stand-in", "Figure 5"):

@@ -31,6 +31,5 @@ with running(snakemake):
     for path, (name, description) in zip(snakemake.input.tables, snakemake.params.studies.items(), strict=True):
         studies[name] = StudyResults(name=name, table=read_trial_table(path), **description)
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
-    claims, findings = published.pop("claims"), pd.read_csv(snakemake.input.findings)
-    ledger = verify(claims, published, studies, economy, findings)
+    ledger = verify(published, studies, economy)
     write_csv(ledger, snakemake.output.ledger, overwrite=True)

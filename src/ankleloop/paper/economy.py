@@ -23,7 +23,6 @@ log = logging.getLogger(__name__)
 
 COMPARED = ("pr-moesp", "eiv-moesp")
 RUNS = 3  # of each method on a trial
-MEMORY_TRIALS = 5  # trials whose memory is measured: it hardly varies, and tracing makes runs slow
 
 Runs = dict[str, Callable[[], Any]]
 
@@ -46,18 +45,17 @@ def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[
         except NUMERICAL_ERRORS as error:
             log.warning("trial %d is left out: %s", number, describe_error(error))
             continue
-        if len(costs) < MEMORY_TRIALS:
-            for method, run in runs.items():
-                tracemalloc.start()
-                run()
-                cost["megabytes", method] = tracemalloc.get_traced_memory()[1] / 1e6  # the peak
-                tracemalloc.stop()
+        for method, run in runs.items():
+            tracemalloc.start()
+            run()
+            cost["megabytes", method] = tracemalloc.get_traced_memory()[1] / 1e6  # the peak
+            tracemalloc.stop()
         costs.append(cost)
     if not costs:
         raise DataError("there is no trial that both methods identify: see the failures of the study.")
     table = pd.DataFrame(costs)
     for quantity in ("milliseconds", "megabytes"):
-        values = [table[quantity, method].dropna() for method in COMPARED]
+        values = [table[quantity, method] for method in COMPARED]
         rows += [_summarise(f"{method}_{quantity}", part) for method, part in zip(COMPARED, values, strict=True)]
         ratio = _summarise(f"{quantity}_ratio", np.log(values[1] / values[0]))  # its geometric mean
         rows.append(ratio | {name: float(np.exp(ratio[name])) for name in ("value", "low", "high")})

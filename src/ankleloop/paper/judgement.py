@@ -124,15 +124,13 @@ class Judgement:
     @property
     def explanation(self) -> str:
         """What decides the claim, beside the numbers of the ledger, or why nothing does; empty if it is reproduced."""
-        label = self.decisive.label
-        prefix = f"{label}: " if label else ""
-        if self.verdict == REPRODUCED:
+        label, has_interval = self.decisive.label, not math.isnan(sum(self.interval))
+        if self.verdict == REPRODUCED or (has_interval and not label):
             return ""
-        if math.isnan(self.decisive.difference):
-            return f"{prefix}there is no result"
-        if math.isnan(sum(self.interval)):
-            return f"{prefix}there is no interval, which takes two trials or more"
-        return f"{label} decides" if label else ""
+        if has_interval:
+            return f"{label} decides"
+        missing = "result" if math.isnan(self.decisive.difference) else "interval, which takes two trials or more"
+        return f"{label}: there is no {missing}" if label else f"there is no {missing}"
 
 
 def judge(comparisons: Sequence[Comparison]) -> Judgement:

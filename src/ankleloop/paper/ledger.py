@@ -16,10 +16,8 @@ from ankleloop.paper.tables import format_number
 VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
     judgement.CONDITIONAL: "the same, with something assumed that the paper does not give",
-    judgement.AT_TOLERANCE: "the limit lies in a narrow interval, our value within a fifth of the tolerance from it: "
-    "no number of trials that a run has decides",
-    judgement.NOT_REPRODUCED: "the whole interval lies outside; if a claim needs several comparisons, that of one of "
-    "them, all intervals taken to hold together with 95 %",
+    judgement.AT_TOLERANCE: "our value is within a fifth of the tolerance from the limit: no number of trials decides",
+    judgement.NOT_REPRODUCED: "the whole interval lies outside; of several comparisons, which hold together, one does",
     judgement.OPEN: "the interval reaches across the limit, there is none (a single trial), or a result is missing",
     judgement.CONTRADICTION: "the paper says two things; no run can change that",
     judgement.BY_CONSTRUCTION: "it follows from a definition; no run can change that",
@@ -33,28 +31,22 @@ Conclusions = Mapping[str, Mapping[str, str]]
 
 
 def verify(
-    claims: pd.DataFrame,
-    tables: Mapping[str, pd.DataFrame],
-    studies: Mapping[str, StudyResults],
-    measurements: pd.DataFrame,
-    findings: pd.DataFrame,
+    published: Mapping[str, pd.DataFrame], studies: Mapping[str, StudyResults], measurements: pd.DataFrame
 ) -> pd.DataFrame:
     """Check every number of the published tables, every claim of the paper, and our own findings, by one rule."""
-    numbers = [
-        _claim_numbers(name, table, studies[name].labels if name in studies else {}) for name, table in tables.items()
-    ]
-    rows = pd.concat([*numbers, claims.assign(source=PAPER), findings.assign(source=FINDING)], ignore_index=True)
-    by_quantity = measurements.set_index("quantity")
-    results = [_check(Case(claim, studies, by_quantity)) for claim in rows.itertuples()]
-    return rows.join(pd.DataFrame(results)).reindex(columns=COLUMNS)
+    labels = {name: studies[name].labels if name in studies else {} for name in SECTIONS}
+    rows = [_claim_numbers(name, published[name], labels[name]) for name in SECTIONS]
+    rows += [published["claims"].assign(source=PAPER), published["findings"].assign(source=FINDING)]
+    claims, by_quantity = pd.concat(rows, ignore_index=True), measurements.set_index("quantity")
+    results = [_check(Case(claim, studies, by_quantity)) for claim in claims.itertuples()]
+    return claims.join(pd.DataFrame(results)).reindex(columns=COLUMNS)
 
 
 def _claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
     """Numbers of a published table as claims."""
     return table.assign(
         id=f"{name}/" + table["method"] + "/" + table["torque"],
-        check="table_number",
-        study=name,
+        check=f"mean {name} vaf_" + table["torque"] + "_" + table["against"] + " " + table["method"],
         section=SECTIONS[name],
         statement=table["torque"] + " torque by " + table["method"].replace(dict(labels)),
         unit="% VAF",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from os import PathLike
 from typing import Any
@@ -79,7 +80,7 @@ class SweepStudy:
     absent: list[str]  # quantities that the configuration names and the table does not have
     labels: Mapping[str, str]  # of the methods that are shown
     difference: str  # label of the difference of two methods; empty without one
-    panels: Mapping[tuple[str, bool], SweepPanel]  # by quantity, and whether it is that of the difference
+    simulation: Mapping[str, Any]  # settings that all points share
     styles: Mapping[str, MethodStyle]  # by label
 
     @classmethod
@@ -119,9 +120,23 @@ class SweepStudy:
             [name for name in wanted if name not in quantities],
             labels,
             difference,
-            _list_panels(quantities, [axis.name for axis in parameters], simulation, with_difference=bool(pair)),
+            simulation,
             label_styles(methods, algorithms or {}) | {difference: DIFFERENCE},
         )
+
+    @cached_property
+    def panels(self) -> dict[tuple[str, bool], SweepPanel]:
+        """Panels of quantities and, behind each, of the difference of two methods."""
+        panels, varied = {}, [axis.name for axis in self.parameters]
+        for name in self.quantities:
+            quantity, truth = SWEEP_QUANTITIES[name], None  # of a parameter that all points share
+            if name in SETTINGS and SETTINGS[name] not in varied:
+                truth = true_values(self.simulation, [name])[name]
+            panels[name, False] = SweepPanel(name, quantity.label, desired_value(name), truth)
+            if self.difference:
+                label = f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
+                panels[name, True] = SweepPanel(name, label, "zero")
+        return panels
 
     def summarise(self) -> pd.DataFrame:
         """Means over trials of each point and method, as `summarise_sweep`."""
@@ -140,22 +155,6 @@ class SweepStudy:
         table["failed"] = ~is_share & (table["failures"] == table["trials"])
         table["marked"] = ~is_share & ~table["failed"] & (faults >= FAULT_SHARE * table["trials"])
         return table.drop(columns="quantity")
-
-
-def _list_panels(
-    quantities: Sequence[str], varied: Sequence[str], simulation: Mapping[str, Any], *, with_difference: bool
-) -> dict[tuple[str, bool], SweepPanel]:
-    """Panels of quantities and, behind each, of the difference of two methods."""
-    panels = {}
-    for name in quantities:
-        quantity, truth = SWEEP_QUANTITIES[name], None  # of a parameter that all points share
-        if name in SETTINGS and SETTINGS[name] not in varied:
-            truth = true_values(simulation, [name])[name]
-        panels[name, False] = SweepPanel(name, quantity.label, desired_value(name), truth)
-        if with_difference:
-            label = f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
-            panels[name, True] = SweepPanel(name, label, "zero")
-    return panels
 
 
 def measure_trials(
@@ -222,14 +221,6 @@ def summarise_effects(
     units = _group(table, [*by, "unit"])[list(quantities)].mean().reset_index().assign(failed=False, warned=False)
     means = summarise_sweep(units, by, quantities)[["mean", "sd", "n", "margin"]]
     return summarise_sweep(table, by, quantities).assign(**means)
-
-
-def widen_summary(summary: pd.DataFrame) -> pd.DataFrame:
-    """A summary with the statistics of all quantities in one row."""
-    parts = {name: part.reset_index(drop=True) for name, part in summary.groupby("quantity", sort=False)}
-    columns = {f"{name}_{key}": part[key] for name, part in parts.items() for key in STATISTICS}
-    shared = next(iter(parts.values())).drop(columns=["quantity", *STATISTICS])
-    return pd.concat([shared.drop(columns=FAULTS), pd.DataFrame(columns), shared[FAULTS]], axis=1)
 
 
 def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -75,9 +73,8 @@ def compare_with_bound(
     bounds: Mapping[tuple[str, str], Mapping[str, float]],
 ) -> pd.DataFrame:
     """Errors of parameters over trials, their size over the Cramér-Rao bound, and intervals that hold the truth [%]."""
-    counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
-    rows = []
-    for (point, method), part in details.groupby(["point", "method"], sort=False):
+    rows, keys = [], ["point", "method"]
+    for (point, method), part in details.groupby(keys, sort=False):
         estimated = details[details["method"] == method].dropna(axis="columns", how="all")  # at some point
         for name in (name for name in truths[point] if name in estimated):
             truth, bound, values = truths[point][name], bounds[point, method].get(name, np.nan), part[name].dropna()
@@ -91,8 +88,8 @@ def compare_with_bound(
                 "ratio": rmse / bound if bound > 0 else np.nan,
                 "covered": 100.0 * is_covered.mean(),
             }
-            rows.append(row | counts.loc[(point, method)].to_dict())
-    return pd.DataFrame(rows)
+            rows.append(row)
+    return pd.DataFrame(rows).merge(count_outcomes(details, keys), on=keys)
 
 
 def tabulate_omissions(
@@ -143,9 +140,8 @@ def _margins(values: pd.DataFrame) -> pd.Series:
     return pd.Series(confidence_margin(values.std(), values.count()), values.columns)
 
 
-def write_table(table: pd.DataFrame, stem: str | PathLike[str], shown: pd.DataFrame, caption: str) -> None:
+def write_table(table: pd.DataFrame, stem: str, shown: pd.DataFrame, caption: str) -> None:
     """Write a table as CSV, and what people read of it as Markdown with its caption; both replace former ones."""
-    stem = Path(stem)
-    write_csv(table, stem.with_name(stem.name + ".csv"), overwrite=True)
-    with atomic_file(stem.with_name(stem.name + ".md"), overwrite=True) as path:
+    write_csv(table, f"{stem}.csv", overwrite=True)
+    with atomic_file(f"{stem}.md", overwrite=True) as path:
         path.write_text(f"{shown.to_markdown(index=False)}\n\n{caption}\n", encoding="utf-8")

@@ -122,4 +122,5 @@ def build_ledger(studies=None, measurements=(), claims=CLAIMS, tables=TABLES, **
     table = pd.DataFrame(
         [(name, *values) for name, values in quantities.items() if values], columns=["quantity", "value", "low", "high"]
     )
-    return verify(claims, tables, Studies(**results) if studies is None else studies, table, FINDINGS).set_index("id")
+    published = {**tables, "claims": claims, "findings": FINDINGS}
+    return verify(published, Studies(**results) if studies is None else studies, table).set_index("id")
