@@ -142,12 +142,11 @@ def judge(comparisons: Sequence[Comparison]) -> Judgement:
     intervals. A claim is not reproduced if any comparison is not. Each of them is an occasion for that mistake, so
     these intervals are wider, and hold together with 95 % (Bonferroni). Otherwise the claim cannot be judged.
     """
-    simultaneous = LEVEL if len(comparisons) == 1 else 1.0 - (1.0 - LEVEL) / len(comparisons)
+    simultaneous = 1.0 - (1.0 - LEVEL) / len(comparisons)
     unsure = [part for part in comparisons if part.verdict(LEVEL) != REPRODUCED]
     failures = [part for part in comparisons if part.verdict(simultaneous) == NOT_REPRODUCED]
     if not unsure:
-        claimed = [comparison for comparison in comparisons if not comparison.control]
-        verdict, deciding, level = REPRODUCED, claimed or comparisons, LEVEL
+        verdict, deciding, level = REPRODUCED, [part for part in comparisons if not part.control], LEVEL
     elif failures:
         verdict, deciding, level = NOT_REPRODUCED, failures, simultaneous
     else:

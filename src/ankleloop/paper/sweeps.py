@@ -49,8 +49,8 @@ MARKS = (
 EXTREMES = (
     "Points with the best and the worst mean (of an error: by the root mean square over trials), or the lowest and "
     "the highest of a quantity that has no best; mean ± standard deviation over trials. Points where less than half "
-    "of the trials have a value are not ranked. Failures are trials without an estimate, which means leave out; "
-    "warnings are trials whose estimate came with a warning, which means hold. All points are in the CSV file."
+    "of the trials have a value are not ranked. Means leave out failures and hold estimates with a warning. All points "
+    "are in the CSV file."
 )
 
 

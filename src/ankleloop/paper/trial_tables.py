@@ -66,7 +66,7 @@ TYPES = {
     **dict.fromkeys(("trial", "order", "passes", "cycles"), pa.int64()),
     **dict.fromkeys(("converged", "stable"), pa.bool_()),
 }  # of columns that hold no floating-point numbers
-FIRST, LAST = ("study", "point"), ("failure", "warnings")
+LAST = ("failure", "warnings")
 ENDS = ("_low", "_high")  # of the 95 % interval of a quantity
 ESTIMATED = "_estimated"  # ending of an estimate whose name is that of a parameter of the sweep
 ORDER = {name: rank for rank, name in enumerate([*QUANTITIES, *SWEEP_QUANTITIES])}
@@ -113,9 +113,7 @@ def join_tables(
     schema = pa.schema([schema.field(name) for name in _order_columns(schema.names, varied)])
     table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(use_threads=False)
     if len(table) != rows:
-        raise DataError(
-            f"{next(iter(chunks))} …: the tables have {len(table)} of {rows} rows: delete them, and run again."
-        )
+        raise DataError(f"{next(iter(chunks))} …: they have {len(table)} of {rows} rows: delete them, and run again.")
     reasons = set(table["failure"].unique().to_pylist())
     if None not in reasons:
         raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
@@ -179,7 +177,7 @@ def _read_schema(path: PathLike) -> pa.Schema:
 
 def _order_columns(names: Collection[str], varied: Sequence[str]) -> list[str]:
     """Keys, scores, parameters and diagnostics, faults."""
-    first = [*FIRST, *varied, "method", "trial"]
+    first = ["study", "point", *varied, "method", "trial"]
 
     def place(name: str) -> tuple[bool, int, str]:
         base = name.removesuffix("_low").removesuffix("_high").removesuffix(ESTIMATED)
@@ -211,6 +209,6 @@ def label_parameter(name: str, labels: Mapping[str, str]) -> str:
     else:
         method, _, field = name.rpartition(".")
         words = field.replace("_", " ") + (f" of {labels.get(method, method)}" if method else "")
-        units = [entry.options.unit(field) for entry in METHODS.values() if field in entry.options.model_fields]
-        unit = next(iter(units), "1")
+        options = [entry.options for entry in METHODS.values() if field in entry.options.model_fields]
+        unit = options[0].unit(field) if options else "1"
     return f"{words} [{unit}]"

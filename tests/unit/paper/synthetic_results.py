@@ -117,10 +117,10 @@ class Studies(Mapping):
         return noise - noise.mean()
 
 
-def build_ledger(studies=None, measurements=(), claims=CLAIMS, tables=TABLES, **results):
+def build_ledger(studies=None, measurements=(), claims=CLAIMS, **results):
     quantities = MEASUREMENTS | dict(measurements)
     table = pd.DataFrame(
         [(name, *values) for name, values in quantities.items() if values], columns=["quantity", "value", "low", "high"]
     )
-    published = {**tables, "claims": claims, "findings": FINDINGS}
+    published = {**TABLES, "claims": claims, "findings": FINDINGS}
     return verify(published, Studies(**results) if studies is None else studies, table).set_index("id")

@@ -166,12 +166,9 @@ def test_both_sides_of_a_limit(claim, verdict, results):
 def test_one_trial_is_never_judged(case):
     """Neither a result within what is accepted nor one far outside."""
     far = {"vaf": lambda _, settings, *__: settings["reflex_gain"], "error": lambda *_: 40.0} if case else {}
-    pooled = {"pr-accurate": "table1", "pr-accurate-rectifier": "projection"}  # several studies, one trial of one here
+    pooled = ("pr-accurate", "pr-accurate-rectifier")  # over the trials of several studies
     ledger = build_ledger(**far, trials=1)
     rows = ledger.loc[[*ROWS["table1"], *(claim for claim in OVER_TRIALS if claim not in pooled)]]
-    for claim, study in pooled.items():
-        alone = build_ledger(**far, trials=1, points={study: POINTS[study]})
-        rows = pd.concat([rows, alone.loc[[claim]]])
     assert set(rows["verdict"]) == {OPEN}
     assert rows["reason"].str.contains("no interval").all()
     assert rows["difference_low"].isna().all()
@@ -184,7 +181,7 @@ def test_a_missing_study_or_measurement_leaves_the_claim_open(claim):
     row = ledger.loc[claim]
     assert row["verdict"] == STATED.get(claim, OPEN)
     if claim not in STATED:
-        assert any(words in row["reason"] for words in ("was not run", "was run", "was not measured"))
+        assert any(words in row["reason"] for words in ("was not run", "was not measured"))
         assert np.isnan(row["ours"])
 
 
