@@ -15,7 +15,7 @@ import xarray as xr
 
 from ankleloop.errors import NUMERICAL_ERRORS, DataError, describe_error
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.moesp import INPUTS, MoespOptions, subspace_arguments
+from ankleloop.methods.moesp import MoespOptions, subspace_arguments
 from ankleloop.paper.judgement import Mean
 from ankleloop.subspace.moesp import moesp
 
@@ -67,8 +67,8 @@ def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> Runs
     prepared = prepare(trial)
     runs: Runs = {}
     for method, model in models.items():
-        chosen = model.model_dump(include=INPUTS)
-        regressors = prepared.regressors(basis=model.basis or "chebyshev", reference=model.reference, **chosen)
+        chosen = {name: getattr(model, name) for name in ("delay", "degree", "identification_rate", "reference")}
+        regressors = prepared.regressors(basis=model.basis or "chebyshev", **chosen)
         arguments = subspace_arguments(model, regressors, method)
         runs[method] = partial(moesp, regressors.inputs, regressors.torque, reference=regressors.reference, **arguments)
     return runs

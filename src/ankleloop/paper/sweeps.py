@@ -192,14 +192,16 @@ def _group(table: pd.DataFrame, by: Sequence[str]) -> Any:
 
 def summarise_sweep(trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]) -> pd.DataFrame:
     """Means over trials with their spread, and what the means leave out."""
-    values = trials.melt([*by, "failed", "warned"], quantities, "quantity")
-    groups = _group(values, [*by, "quantity"])
-    table = groups["value"].agg(mean="mean", sd="std", n="count")
-    for column, level in QUANTILES.items():
-        table[column] = groups["value"].quantile(level)
+    groups = _group(trials, by)
     counts = groups.agg(trials=("failed", "size"), failures=("failed", "sum"), warnings=("warned", "sum"))
-    table = table.assign(margin=confidence_margin(table["sd"], table["n"])).join(counts).reset_index()
-    return table[[*by, "quantity", *STATISTICS, *FAULTS]]
+    tables = []
+    for name in quantities:
+        table = groups[name].agg(mean="mean", sd="std", n="count").join(counts)
+        table["margin"] = confidence_margin(table["sd"], table["n"])
+        for column, level in QUANTILES.items():
+            table[column] = groups[name].quantile(level)
+        tables.append(table.reset_index().assign(quantity=name))
+    return pd.concat(tables, ignore_index=True)[[*by, "quantity", *STATISTICS, *FAULTS]]
 
 
 def summarise_effects(
