@@ -144,7 +144,7 @@ class Case:
             reason += f" (of {len(comparisons)} results the decisive one)"
         parts = [reason, remark, judged.explanation]
         has_condition = judged.verdict == judgement.REPRODUCED and isinstance(self.claim.conditions, str)
-        low, high = judged.interval
+        low, high = decisive.interval(judged.level)
         return {
             "verdict": judgement.CONDITIONAL if has_condition else judged.verdict,
             "ours": ours.value,

@@ -114,17 +114,12 @@ class Judgement:
 
     verdict: str  # "reproduced", "not reproduced", "at the tolerance" or "cannot be judged"
     decisive: Comparison  # of the comparisons with this verdict the one with the least room
-    level: float  # level of its interval
-
-    @property
-    def interval(self) -> Range:
-        """Interval of the difference that was compared with what is accepted."""
-        return self.decisive.interval(self.level)
+    level: float  # level of its interval that was compared with what is accepted
 
     @property
     def explanation(self) -> str:
         """What decides the claim, beside the numbers of the ledger, or why nothing does; empty if it is reproduced."""
-        label, has_interval = self.decisive.label, not math.isnan(sum(self.interval))
+        label, has_interval = self.decisive.label, not math.isnan(sum(self.decisive.interval(self.level)))
         if self.verdict == REPRODUCED or (has_interval and not label):
             return ""
         if has_interval:
