@@ -6,7 +6,6 @@ beside each number.
 """
 
 import numpy as np
-import pandas as pd
 
 from ankleloop.paper.trial_tables import read_results
 
@@ -20,11 +19,10 @@ DECIDED_BY_ROUNDING = "-without-rank-policy"
 
 def summarise_results(results, study):
     """Mean, spread and number of trials of every VAF, and of K, B, I and G, of a study."""
-    details, scores = read_results(results / "tables" / f"{study}-trials.parquet")
-    vaf = scores.assign(quantity="VAF " + scores["torque"] + " (" + scores["against"] + ")", value=scores["vaf"])
-    names = [name for name in ("K", "B", "I", "G") if name in details]
-    values = details.melt(["point", "method", "trial"], names, "quantity", "value").dropna(subset="value")
-    everything = pd.concat([vaf[[*KEY, "value"]], values[[*KEY, "value"]]])
+    details = read_results(results / "tables" / f"{study}-trials.parquet")
+    names = [name for name in details if name.startswith("vaf_") or name in ("K", "B", "I", "G")]
+    everything = details.melt(["point", "method", "trial"], names, "quantity", "value").dropna(subset="value")
+    everything["quantity"] = everything["quantity"].str.replace(r"vaf_(\w+)_(\w+)", r"VAF \1 (\2)", regex=True)
     everything = everything[~everything["method"].str.endswith(DECIDED_BY_ROUNDING)]
     table = everything.groupby(KEY, sort=False)["value"].agg(mean="mean", sd="std", n="count").reset_index()
     table = table[table["n"] > 1].reset_index(drop=True)  # one trial that has a G has no spread

@@ -4,8 +4,7 @@
 # The economy is that of the published methods, on the trials of Table 1.
 rule verify:
     input:
-        published=OF_PAPER,
-        findings=repository_file("data/findings.csv"),
+        published=[*OF_PAPER, repository_file("data/findings.csv")],
         trials=[
             path
             for study in ARTICLE
@@ -20,7 +19,6 @@ rule verify:
             category="Verification",
             caption="../report/verification.rst",
         ),
-        page="results/verification.md",
     log:
         "logs/verify.log",
     benchmark:
@@ -41,11 +39,7 @@ rule verify:
             if name in study.methods
         },
         studies={
-            study.name: {
-                "kind": study.settings.kind,
-                "points": study.points,
-                "labels": study.labels,
-            }
+            study.name: {"points": study.points, "labels": study.labels}
             for study in ARTICLE
         },
         library=library("workflow/scripts/verify.py"),

@@ -16,9 +16,9 @@ import pandas as pd
 
 from ankleloop.paper.checks import StudyResults
 from ankleloop.paper.economy import measure_economy
-from ankleloop.paper.ledger import format_ledger, verify
+from ankleloop.paper.ledger import verify
 from ankleloop.paper.trial_tables import read_trial_table
-from ankleloop.trials.files import atomic_file, write_csv
+from ankleloop.trials.files import write_csv
 from ankleloop.trials.trial_files import load_trials
 
 from job import running
@@ -31,8 +31,5 @@ with running(snakemake):
     for path, (name, description) in zip(snakemake.input.tables, snakemake.params.studies.items(), strict=True):
         studies[name] = StudyResults(name=name, table=read_trial_table(path), **description)
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
-    claims, findings = published.pop("claims"), pd.read_csv(snakemake.input.findings)
-    ledger = verify(claims, published, studies, economy, findings)
+    ledger = verify(published, studies, economy)
     write_csv(ledger, snakemake.output.ledger, overwrite=True)
-    with atomic_file(snakemake.output.page, overwrite=True) as path:
-        path.write_text(format_ledger(ledger), encoding="utf-8")

@@ -15,7 +15,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.pages.rendering import render_table
 from ankleloop.paper.captions import describe_settings, typical_point
-from ankleloop.paper.results import count_trials, describe_faults, list_outcomes
+from ankleloop.paper.results import describe_faults, list_outcomes
 from ankleloop.paper.tables import write_table
 from ankleloop.paper.trial_tables import read_results
 from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
@@ -32,14 +32,9 @@ class StudyPage(SimpleNamespace):
     """A study as its notebook takes it: what `ankleloop.studies.run_config.report_parameters` gives are attributes."""
 
     @cached_property
-    def results(self) -> pd.DataFrame:
-        """Scores: a row for each torque of each estimate."""
-        return read_results(self.table_file)[1]
-
-    @cached_property
     def details(self) -> pd.DataFrame:
         """Scores, parameters and diagnostics: a row for each estimate."""
-        return read_results(self.table_file)[0]
+        return read_results(self.table_file)
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -94,7 +89,7 @@ class StudyPage(SimpleNamespace):
     def _conditions(self) -> str:
         """Number of trials at each point and the settings that they share."""
         settings = describe_settings(self.points[self.typical], self.varied)
-        return f"{count_trials(self.details)} trials at each point; {settings}."
+        return f"{self.details['trial'].nunique()} trials at each point; {settings}."
 
     def fold(self, note: str = "") -> HTML:
         """Trials and settings of the study, and a note, behind a line that opens them."""

@@ -61,16 +61,6 @@ def typical_point(points: Mapping[str, Mapping[str, Any]], varied: Collection[st
     return max(points, key=lambda point: sum(points[point].get(name) == defaults.get(name) for name in varied))
 
 
-def single_setting(varied: Collection[str]) -> str:
-    """The only setting that differs between the points of a study, the abscissa of its figures."""
-    if len(varied) != 1:
-        raise ValueError(
-            f"this notebook shows a study that varies one setting, got {', '.join(varied) or 'none'}: use the notebook "
-            "comparison or table1."
-        )
-    return next(iter(varied))
-
-
 def shared_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> dict[str, float | None]:
     """True values that all points have, for lines in figures."""
     return {name: truths[0] if len(truths) == 1 else None for name, truths in _list_truths(points, names).items()}

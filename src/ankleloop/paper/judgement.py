@@ -26,20 +26,18 @@ class Mean:
     """Mean over independent trials, with the interval of Student's t distribution."""
 
     value: float  # the mean
-    error: float  # its standard error
-    freedom: float  # degrees of freedom; a mean with less than one has no interval
+    error: float  # its standard error; nan of a single value
+    freedom: float  # degrees of freedom
 
     @classmethod
     def of(cls, values: ArrayLike) -> Mean:
         """Mean of a sample; nan if one of its values is."""
-        values = np.asarray(values, dtype=float)
-        if values.size < 2:
-            return cls(float(values.mean()) if values.size else np.nan, np.nan, 0.0)
-        return cls(float(values.mean()), float(values.std(ddof=1) / np.sqrt(values.size)), values.size - 1.0)
+        sample = pd.Series(values, dtype=float)
+        return cls(float(sample.mean(skipna=False)), float(sample.sem(skipna=False)), len(sample) - 1.0)
 
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of its interval."""
-        margin = self.error * float(special.stdtrit(self.freedom, 0.5 + level / 2)) if self.freedom >= 1 else np.nan
+        margin = self.error * float(special.stdtrit(self.freedom, 0.5 + level / 2))
         return self.value - margin, self.value + margin
 
     def __sub__(self, other: Mean) -> Mean:
@@ -47,7 +45,7 @@ class Mean:
         first, second = self.error**2, other.error**2
         total = first + second
         freedom = min(self.freedom, other.freedom)
-        if freedom >= 1.0 and total > 0.0:
+        if total > 0.0:
             freedom = total**2 / (first**2 / self.freedom + second**2 / other.freedom)
         return Mean(self.value - other.value, math.sqrt(total), freedom)
 
@@ -66,24 +64,6 @@ class Measurement:
 
 
 Quantity = Mean | Measurement
-
-
-def half_interval(ours: Quantity) -> float:
-    """Half of the 95 % interval of a result."""
-    low, high = ours.interval()
-    return (high - low) / 2.0
-
-
-def describe_result(ours: Quantity) -> str:
-    """A result ± half of its 95 % interval."""
-    return format_result(ours.value, half_interval(ours))
-
-
-def format_result(value: float, margin: float = np.nan, spec: str = ".4g") -> str:
-    """A value ± half of its 95 % interval; without an interval the value alone, a dash where there is none."""
-    if pd.isna(value):
-        return "–"
-    return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
 
 
 @dataclass(frozen=True)
@@ -107,9 +87,7 @@ class Comparison:
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of the interval of the difference."""
         low, high = (end - self.paper for end in self.ours.interval(level))
-        if not self.size or math.isnan(low + high):
-            return low, high
-        return max(0.0, low, -high), max(-low, high)
+        return (np.max([0.0, low, -high]), np.max([-low, high])) if self.size else (low, high)
 
     def room(self, level: float) -> float:
         """How far the interval is within what is accepted; negative if part of it is outside, or there is none."""
@@ -136,25 +114,18 @@ class Judgement:
 
     verdict: str  # "reproduced", "not reproduced", "at the tolerance" or "cannot be judged"
     decisive: Comparison  # of the comparisons with this verdict the one with the least room
-    level: float  # level of its interval
-
-    @property
-    def interval(self) -> Range:
-        """Interval of the difference that was compared with what is accepted."""
-        return self.decisive.interval(self.level)
+    level: float  # level of its interval that was compared with what is accepted
 
     @property
     def explanation(self) -> str:
         """What decides the claim, beside the numbers of the ledger, or why nothing does; empty if it is reproduced."""
-        label = self.decisive.label
-        prefix = f"{label}: " if label else ""
-        if self.verdict == REPRODUCED:
+        label, has_interval = self.decisive.label, not math.isnan(sum(self.decisive.interval(self.level)))
+        if self.verdict == REPRODUCED or (has_interval and not label):
             return ""
-        if math.isnan(self.decisive.difference):
-            return f"{prefix}there is no result"
-        if math.isnan(sum(self.interval)):
-            return f"{prefix}there is no interval, which takes two trials or more"
-        return f"{label} decides" if label else ""
+        if has_interval:
+            return f"{label} decides"
+        missing = "result" if math.isnan(self.decisive.difference) else "interval, which takes two trials or more"
+        return f"{label}: there is no {missing}" if label else f"there is no {missing}"
 
 
 def judge(comparisons: Sequence[Comparison]) -> Judgement:
@@ -166,12 +137,11 @@ def judge(comparisons: Sequence[Comparison]) -> Judgement:
     intervals. A claim is not reproduced if any comparison is not. Each of them is an occasion for that mistake, so
     these intervals are wider, and hold together with 95 % (Bonferroni). Otherwise the claim cannot be judged.
     """
-    simultaneous = LEVEL if len(comparisons) == 1 else 1.0 - (1.0 - LEVEL) / len(comparisons)
+    simultaneous = 1.0 - (1.0 - LEVEL) / len(comparisons)
     unsure = [part for part in comparisons if part.verdict(LEVEL) != REPRODUCED]
     failures = [part for part in comparisons if part.verdict(simultaneous) == NOT_REPRODUCED]
     if not unsure:
-        claimed = [comparison for comparison in comparisons if not comparison.control]
-        verdict, deciding, level = REPRODUCED, claimed or comparisons, LEVEL
+        verdict, deciding, level = REPRODUCED, [part for part in comparisons if not part.control], LEVEL
     elif failures:
         verdict, deciding, level = NOT_REPRODUCED, failures, simultaneous
     else:

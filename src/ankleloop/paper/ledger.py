@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import yaml
 
 from ankleloop.paper import judgement
-from ankleloop.paper.checks import CLAIM_CHECKS, Case, MissingEvidence, Row, StudyResults
-from ankleloop.paper.judgement import format_result
+from ankleloop.paper.checks import CHECKS, Case, MissingEvidence, Row, StudyResults
+from ankleloop.paper.tables import format_number
 
 VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
     judgement.CONDITIONAL: "the same, with something assumed that the paper does not give",
-    judgement.AT_TOLERANCE: "the limit lies in a narrow interval, our value within a fifth of the tolerance from it: "
-    "no number of trials that a run has decides",
-    judgement.NOT_REPRODUCED: "the whole interval lies outside; if a claim needs several comparisons, that of one of "
-    "them, all intervals taken to hold together with 95 %",
+    judgement.AT_TOLERANCE: "our value is within a fifth of the tolerance from the limit: no number of trials decides",
+    judgement.NOT_REPRODUCED: "the whole interval lies outside; of several comparisons, which hold together, one does",
     judgement.OPEN: "the interval reaches across the limit, there is none (a single trial), or a result is missing",
     judgement.CONTRADICTION: "the paper says two things; no run can change that",
     judgement.BY_CONSTRUCTION: "it follows from a definition; no run can change that",
@@ -34,47 +31,36 @@ Conclusions = Mapping[str, Mapping[str, str]]
 
 
 def verify(
-    claims: pd.DataFrame,
-    tables: Mapping[str, pd.DataFrame],
-    studies: Mapping[str, StudyResults],
-    measurements: pd.DataFrame,
-    findings: pd.DataFrame,
+    published: Mapping[str, pd.DataFrame], studies: Mapping[str, StudyResults], measurements: pd.DataFrame
 ) -> pd.DataFrame:
     """Check every number of the published tables, every claim of the paper, and our own findings, by one rule."""
-    numbers = [
-        _table_claim(name, number, studies[name].labels if name in studies else {})
-        for name, table in tables.items()
-        for number in table.to_dict("records")
-    ]
-    sources = {PAPER: [*numbers, *claims.to_dict("records")], FINDING: findings.to_dict("records")}
-    by_quantity = measurements.set_index("quantity")
-    rows = [
-        {**claim, "source": source, **_check(Case(claim, studies, by_quantity, tables))}
-        for source, claims_of_source in sources.items()
-        for claim in claims_of_source
-    ]
-    return pd.DataFrame(rows, columns=COLUMNS)
+    labels = {name: studies[name].labels if name in studies else {} for name in SECTIONS}
+    rows = [_claim_numbers(name, published[name], labels[name]) for name in SECTIONS]
+    rows += [published["claims"].assign(source=PAPER), published["findings"].assign(source=FINDING)]
+    claims, by_quantity = pd.concat(rows, ignore_index=True), measurements.set_index("quantity")
+    results = [_check(Case(claim, studies, by_quantity)) for claim in claims.itertuples()]
+    return claims.join(pd.DataFrame(results)).reindex(columns=COLUMNS)
 
 
-def _table_claim(name: str, number: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:
-    """A number of a published table as a claim."""
-    return {
-        **number,
-        "id": f"{name}/{number['method']}/{number['torque']}",
-        "check": "table_number",
-        "study": name,
-        "section": SECTIONS[name],
-        "statement": f"{number['torque']} torque by {labels.get(number['method'], number['method'])}",
-        "unit": "% VAF",
-        "conditions": "reflex gain, load, actuator and voluntary torque assumed",
-        "how": "mean VAF over trials is within the tolerance of the published number",
-    }
+def _claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
+    """Numbers of a published table as claims."""
+    return table.assign(
+        id=f"{name}/" + table["method"] + "/" + table["torque"],
+        check=f"mean {name} vaf_" + table["torque"] + "_" + table["against"] + " " + table["method"],
+        section=SECTIONS[name],
+        statement=table["torque"] + " torque by " + table["method"].replace(dict(labels)),
+        unit="% VAF",
+        conditions="reflex gain, load, actuator and voluntary torque assumed",
+        how="mean VAF over trials is within the tolerance of the published number",
+        source=PAPER,
+    )
 
 
 def _check(case: Case) -> Row:
     """Verdict on a claim, with the numbers that it rests on and its reason."""
+    name, *arguments = case.claim.check.split()
     try:
-        return CLAIM_CHECKS[case.claim["check"]](case)
+        return CHECKS[name](case, *arguments)
     except MissingEvidence as missing:
         return {"verdict": judgement.OPEN, "reason": str(missing)}
 
@@ -87,32 +73,18 @@ def count_held(ledger: pd.DataFrame) -> str:
     return f"{held} of the {decided} numbers and claims of the paper that can be decided hold"
 
 
-def format_ledger(ledger: pd.DataFrame) -> str:
-    """The ledger as a page."""
-    counts = ledger["verdict"].value_counts()
-    summary = "\n".join(f"- {counts.get(verdict, 0)} × **{verdict}**: {text}" for verdict, text in VERDICTS.items())
-    table = tabulate_ledger(ledger).to_markdown(index=False, disable_numparse=True)
-    return (
-        f"# Verification\n\n{count_held(ledger)}, under the assumptions that are stated. One rule in code judges all "
-        "rows (column `how` of `verification.csv` says what is compared; the claims are in `data/published`):\n\n"
-        f"{summary}\n\n± is half of the 95 % confidence interval of the result. The difference is that which decides "
-        "the verdict, with its interval: our result less the published one, or less what column `how` names. It is "
-        f"compared with the tolerance.\n\n{table}\n"
-    )
-
-
 def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
     """The ledger as a table for people."""
     rows = []
     for row in ledger.itertuples():
         condition = f" Condition: {row.conditions}." if row.verdict == judgement.CONDITIONAL else ""
-        difference = format_result(row.difference, spec="+.3g")
+        difference = format_number(row.difference, "+.3g")
         if pd.notna(row.difference_low):
             difference += f" ({row.difference_low:+.3g} … {row.difference_high:+.3g})"
         rows.append(
             {name: getattr(row, name) for name in ("id", "section", "statement", "unit")}
-            | {"paper": format_result(row.paper), "ours": format_result(row.ours, row.uncertainty)}
-            | {"difference": difference, "tolerance": format_result(row.tolerance, spec="g")}
+            | {"paper": format_number(row.paper), "ours": format_number(row.ours, margin=row.uncertainty)}
+            | {"difference": difference, "tolerance": format_number(row.tolerance, "g")}
             | {"verdict": row.verdict, "reason": row.reason + condition}
         )
     return pd.DataFrame(rows)
@@ -141,7 +113,7 @@ def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
 def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
     """Table 1 as the paper prints it, "paper → ours ± half a 95 % interval", and the verdict of each cell."""
     rows = ledger[ledger["id"].str.startswith("table1/")]
-    texts = [f"{row.paper:g} → {format_result(row.ours, row.uncertainty, '.1f')}" for row in rows.itertuples()]
+    texts = [f"{row.paper:g} → {format_number(row.ours, '.1f', row.uncertainty)}" for row in rows.itertuples()]
     methods, torques = rows["statement"].str.split(" by ").str[-1], rows["id"].str.split("/").str[-1] + " [% VAF]"
     cells = pd.DataFrame({"method": methods, "torque": torques, "cell": texts})
     table = cells.pivot(index="method", columns="torque", values="cell").loc[methods.unique(), torques.unique()]

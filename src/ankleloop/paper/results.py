@@ -71,16 +71,13 @@ def count_outcomes(parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     return trials.groupby(list(by), sort=False, dropna=False)[COUNTS].sum().reset_index()
 
 
-def count_trials(parameters: pd.DataFrame) -> int:
-    """Largest number of trials that a method has at a point."""
-    return int(count_outcomes(parameters, ["point", "method"])["trials"].max())
-
-
-def summarise_scores(scores: pd.DataFrame, parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Mean and standard deviation of the VAF over trials, with what the mean leaves out."""
-    shared = [name for name in by if name in parameters]
-    summary = scores.groupby(list(by), sort=False)["vaf"].agg(mean="mean", sd="std", n="count").reset_index()
-    return summary.merge(count_outcomes(parameters, shared), on=shared)
+def summarise_scores(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Mean and standard deviation of each VAF over trials, a row for each torque, with what the mean leaves out."""
+    scores = table.set_index(list(by)).filter(regex="^vaf_")
+    scores.columns = pd.MultiIndex.from_tuples([name.split("_")[1:] for name in scores], names=["torque", "against"])
+    groups = scores.stack(["torque", "against"]).groupby(level=[*by, "torque", "against"], sort=False)
+    summary = groups.agg(mean="mean", sd="std", n="count").reset_index()
+    return summary.merge(count_outcomes(table, by), on=list(by))
 
 
 def summarise_columns(table: pd.DataFrame, by: Sequence[str], names: Sequence[str]) -> pd.DataFrame:
@@ -95,9 +92,8 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     failed = parameters.reindex(columns=["point", "method", "failure"]).dropna(subset="failure").astype(str)
     if failed.empty:
         return ""
-    reasons = failed["failure"].str.replace(NUMBER, "#", regex=True)
-    failed["count"] = reasons.groupby(reasons).transform("size")
-    examples = failed[~reasons.duplicated()].sort_values("count", ascending=False, kind="stable")
+    groups = failed.groupby(failed["failure"].str.replace(NUMBER, "#", regex=True), sort=False)
+    examples = groups.first().assign(count=groups.size()).sort_values("count", ascending=False, kind="stable")
     parts = [f"{len(failed):,} of {len(parameters):,} identifications failed; means leave them out"]
     for row in examples.head(MOST_REASONS).itertuples():
         parts.append(f"{row.count:,} of them, such as {row.method} at {row.point}: {row.failure.rstrip('.')}")

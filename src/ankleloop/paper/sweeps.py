@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from os import PathLike
 from typing import Any
@@ -16,11 +17,12 @@ from ankleloop.errors import DataError
 from ankleloop.paper.results import CONDITIONS, SETTINGS, list_faults, true_values
 from ankleloop.paper.tables import format_pairs
 from ankleloop.paper.trial_tables import (
+    ERRORS,
+    ESTIMATED,
     FAULT_SHARES,
     SWEEP_QUANTITIES,
     default_quantities,
     desired_value,
-    error_source,
     label_parameter,
     read_trial_table,
 )
@@ -47,8 +49,8 @@ MARKS = (
 EXTREMES = (
     "Points with the best and the worst mean (of an error: by the root mean square over trials), or the lowest and "
     "the highest of a quantity that has no best; mean ± standard deviation over trials. Points where less than half "
-    "of the trials have a value are not ranked. Failures are trials without an estimate, which means leave out; "
-    "warnings are trials whose estimate came with a warning, which means hold. All points are in the CSV file."
+    "of the trials have a value are not ranked. Means leave out failures and hold estimates with a warning. All points "
+    "are in the CSV file."
 )
 
 
@@ -78,7 +80,7 @@ class SweepStudy:
     absent: list[str]  # quantities that the configuration names and the table does not have
     labels: Mapping[str, str]  # of the methods that are shown
     difference: str  # label of the difference of two methods; empty without one
-    panels: Mapping[tuple[str, bool], SweepPanel]  # by quantity, and whether it is that of the difference
+    simulation: Mapping[str, Any]  # settings that all points share
     styles: Mapping[str, MethodStyle]  # by label
 
     @classmethod
@@ -109,8 +111,7 @@ class SweepStudy:
         shown, pair = trials[trials["method"].isin(list(labels))], settings["difference"] or ()
         difference = " − ".join(methods[name] for name in pair)
         if pair:
-            paired = [name for name in quantities if name not in FAULT_SHARES]
-            shown = pd.concat([shown, pair_methods(trials, pair[0], pair[1], paired)], ignore_index=True)
+            shown = pd.concat([shown, pair_methods(trials, pair[0], pair[1], quantities)], ignore_index=True)
         return cls(
             shown,
             parameters,
@@ -119,9 +120,23 @@ class SweepStudy:
             [name for name in wanted if name not in quantities],
             labels,
             difference,
-            _list_panels(quantities, [axis.name for axis in parameters], simulation, with_difference=bool(pair)),
+            simulation,
             label_styles(methods, algorithms or {}) | {difference: DIFFERENCE},
         )
+
+    @cached_property
+    def panels(self) -> dict[tuple[str, bool], SweepPanel]:
+        """Panels of quantities and, behind each, of the difference of two methods."""
+        panels, varied = {}, [axis.name for axis in self.parameters]
+        for name in self.quantities:
+            quantity, truth = SWEEP_QUANTITIES[name], None  # of a parameter that all points share
+            if name in SETTINGS and SETTINGS[name] not in varied:
+                truth = true_values(self.simulation, [name])[name]
+            panels[name, False] = SweepPanel(name, quantity.label, desired_value(name), truth)
+            if self.difference:
+                label = f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
+                panels[name, True] = SweepPanel(name, label, "zero")
+        return panels
 
     def summarise(self) -> pd.DataFrame:
         """Means over trials of each point and method, as `summarise_sweep`."""
@@ -129,33 +144,17 @@ class SweepStudy:
         return summarise_sweep(self.trials, by, self.quantities)
 
     def label_rows(self, summary: pd.DataFrame) -> pd.DataFrame:
-        """A summary as figures take it: labels of panels and series, and marks; of shares of trials without marks."""
-        series = summary["method"].map(self.labels).fillna(self.difference)
-        is_difference = ~summary["method"].isin(list(self.labels))
-        keys = list(zip(summary["quantity"], is_difference, strict=True))
-        labels = [self.panels[key].label if key in self.panels else "" for key in keys]
-        table = summary.assign(series=series, panel=labels).rename(columns={"mean": "value"})
-        table = table[table["panel"] != ""]
-        faults, has_marks = table["failures"] + table["warnings"], ~table["quantity"].isin(FAULT_SHARES)
-        failed = has_marks & (table["failures"] == table["trials"])
-        marked = has_marks & (faults > 0) & (faults >= FAULT_SHARE * table["trials"]) & ~failed
-        return table.assign(marked=marked, failed=failed).drop(columns="quantity")
-
-
-def _list_panels(
-    quantities: Sequence[str], varied: Sequence[str], simulation: Mapping[str, Any], *, with_difference: bool
-) -> dict[tuple[str, bool], SweepPanel]:
-    """Panels of quantities and, behind each, of the difference of two methods."""
-    panels = {}
-    for name in quantities:
-        quantity, truth = SWEEP_QUANTITIES[name], None  # of a parameter that all points share
-        if name in SETTINGS and SETTINGS[name] not in varied:
-            truth = true_values(simulation, [name])[name]
-        panels[name, False] = SweepPanel(name, quantity.label, desired_value(name), truth)
-        if with_difference and name not in FAULT_SHARES:
-            label = f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
-            panels[name, True] = SweepPanel(name, label, "zero")
-    return panels
+        """A summary as figures take it: panels, series, bands and marks; shares of trials have neither of these."""
+        table = summary.rename(columns={"mean": "value"})
+        is_share, series = table["quantity"].isin(FAULT_SHARES), table["method"].map(self.labels)
+        keys = zip(table["quantity"], series.isna(), strict=True)
+        table["series"], table["panel"] = series.fillna(self.difference), [self.panels[key].label for key in keys]
+        margin = table["margin"].mask(is_share)
+        table["low"], table["high"] = table["value"] - margin, table["value"] + margin
+        faults = table["failures"] + table["warnings"]
+        table["failed"] = ~is_share & (table["failures"] == table["trials"])
+        table["marked"] = ~is_share & ~table["failed"] & (faults >= FAULT_SHARE * table["trials"])
+        return table.drop(columns="quantity")
 
 
 def measure_trials(
@@ -164,14 +163,12 @@ def measure_trials(
     """Quantities of each trial of a table; errors are relative to the truth of each point, in per cent."""
     faults = list_faults(table)
     trials = table[["point", "trial", *varied, "method"]].assign(failed=faults["failures"], warned=faults["warnings"])
+    table = table.assign(**(100.0 * faults))
     for name in quantities:
-        if name in FAULT_SHARES:
-            trials[name] = 100.0 * faults[name]
-            continue
-        source = error_source(name) or name
+        source = ERRORS.get(name, name)
         # Where the points of a sweep have a value of the same name, the estimate has another column.
-        values = table.get(f"{source}_estimated", table.get(source, pd.Series(np.nan, table.index))).astype(float)
-        if source != name:  # an error [%] does not exist where the truth is 0
+        values = table.get(f"{source}{ESTIMATED}", table.get(source, pd.Series(np.nan, table.index))).astype(float)
+        if name in ERRORS:  # an error [%] does not exist where the truth is 0
             setting = SETTINGS[source]
             truth = table.get(setting, pd.Series(simulation.get(setting), table.index)).astype(float)
             values = 100.0 * (values / truth.where(truth != 0) - 1.0)
@@ -199,11 +196,11 @@ def summarise_sweep(trials: pd.DataFrame, by: Sequence[str], quantities: Sequenc
     counts = groups.agg(trials=("failed", "size"), failures=("failed", "sum"), warnings=("warned", "sum"))
     tables = []
     for name in quantities:
-        table = groups[name].agg(mean="mean", sd="std", n="count")
+        table = groups[name].agg(mean="mean", sd="std", n="count").join(counts)
         table["margin"] = confidence_margin(table["sd"], table["n"])
         for column, level in QUANTILES.items():
             table[column] = groups[name].quantile(level)
-        tables.append(pd.concat([table, counts], axis=1).reset_index().assign(quantity=name))
+        tables.append(table.reset_index().assign(quantity=name))
     return pd.concat(tables, ignore_index=True)[[*by, "quantity", *STATISTICS, *FAULTS]]
 
 
@@ -228,23 +225,14 @@ def summarise_effects(
     return summarise_sweep(table, by, quantities).assign(**means)
 
 
-def widen_summary(summary: pd.DataFrame) -> pd.DataFrame:
-    """A summary with the statistics of all quantities in one row."""
-    parts = {name: part.reset_index(drop=True) for name, part in summary.groupby("quantity", sort=False)}
-    columns = {f"{name}_{key}": part[key] for name, part in parts.items() for key in STATISTICS}
-    shared = next(iter(parts.values())).drop(columns=["quantity", *STATISTICS])
-    return pd.concat([shared.drop(columns=FAULTS), pd.DataFrame(columns), shared[FAULTS]], axis=1)
-
-
 def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     """The picture of a sweep with its caption: lines over one axis, maps over two, a matrix of effects over more."""
     if len(sweep.axes) == 2:
         return draw_map(sweep)
     binned = len(sweep.axes) > 1
     effects = [summarise_effects(sweep.trials, axis, sweep.quantities, binned=binned) for axis in sweep.axes]
-    table = _add_ends(pd.concat(effects))
-    table.loc[table["quantity"].isin(FAULT_SHARES), ["low", "high"]] = np.nan  # counts have no band
-    figure = lines_figure(sweep.label_rows(table), sweep.axes, list(sweep.panels.values()), sweep.styles)
+    rows = sweep.label_rows(pd.concat(effects))
+    figure = lines_figure(rows, sweep.axes, list(sweep.panels.values()), sweep.styles)
     return figure, f"{_describe(sweep, sweep.axes)}; {BANDS}.{MARKS}"
 
 
@@ -256,17 +244,12 @@ def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
         trials = trials.assign(**{axis.name: axis.bin(trials[axis.name]) for axis in (x, y)})
         x, y = (SweepAxis.of(axis.name, axis.label, trials[axis.name], axis.words) for axis in (x, y))
     table = trials.assign(x=trials[x.name], y=trials[y.name])
-    cells = sweep.label_rows(_add_ends(summarise_sweep(table, ["x", "y", "method"], sweep.quantities)))
+    cells = sweep.label_rows(summarise_sweep(table, ["x", "y", "method"], sweep.quantities))
     figure = maps_figure(cells, (x, y), list(sweep.panels.values()))
     truths = [SWEEP_QUANTITIES[panel.quantity].symbol for panel in sweep.panels.values() if panel.truth is not None]
     white = f" White is the true value of {', '.join(truths)}." if truths else ""
     text = f"{_describe(sweep, sweep.axes[:2])}. The ends of colour bars stand for all values beyond them."
     return figure, f"{text}{white}{MARKS}"
-
-
-def _add_ends(table: pd.DataFrame) -> pd.DataFrame:
-    """Ends of the intervals of means."""
-    return table.assign(low=table["mean"] - table["margin"], high=table["mean"] + table["margin"])
 
 
 def _describe(sweep: SweepStudy, axes: tuple[SweepAxis, ...]) -> str:
@@ -284,12 +267,12 @@ def describe_design(sweep: SweepStudy) -> str:
     settings = [axis.name for axis in sweep.parameters if axis.name in SimulationSettings.model_fields]
     conditions = len(points[settings].drop_duplicates()) if settings else 1
     own = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
-    trials = own.groupby(["point", "method"], observed=True).size().max()
     absent = ", ".join(SWEEP_QUANTITIES[name].symbol for name in sweep.absent)
     return (
         f"Varied: {'; '.join(map(_list_values, sweep.parameters)) or 'nothing'}. Points: {len(points):,}; conditions "
-        f"(points that differ in options alone share their trials): {conditions:,}; trials at each point: {trials}. "
-        f"Identifications: {len(own):,}; failed: {own['failed'].sum():,}; with a warning: {own['warned'].sum():,}."
+        f"(points that differ in options alone share their trials): {conditions:,}; trials at each point: "
+        f"{own['trial'].nunique()}. Identifications: {len(own):,}; failed: {own['failed'].sum():,}; with a warning: "
+        f"{own['warned'].sum():,}."
     ) + (f" No method of this study gives {absent}." if absent else "")
 
 
@@ -307,10 +290,10 @@ def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     goals = table["quantity"].map(desired_value)
     error = np.sqrt(table["mean"] ** 2 + table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"])
     size = table["mean"].mask(goals == "high", -table["mean"]).mask(goals == "zero", error)  # the less, the better
-    groups = dict(iter(table.assign(size=size).sort_values("size", kind="stable").groupby(["quantity", "method"])))
+    table = table.assign(size=size).sort_values("size", kind="stable")
     rows = []
     for name, method in product(sweep.quantities, sweep.labels):
-        part = groups.get((name, method), table[:0])
+        part = table[(table["quantity"] == name) & (table["method"] == method)]
         ranks = ("best", "worst") if desired_value(name) else ("lowest", "highest")
         for rank, (_, point) in zip(ranks, part.iloc[[0, -1]].iterrows(), strict=True) if len(part) > 1 else ():
             row = {"quantity": SWEEP_QUANTITIES[name].label, "method": sweep.labels[method], "rank": rank}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,20 +15,15 @@ from ankleloop.trials.files import atomic_file, write_csv
 
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"
-STEP_LABELS = {
-    "kernel-derivatives": "derivatives of the kernel",
-    "early-nonlinearity": "nonlinearity before decimation",
-    "rank-policy": "rank policy",
-    "scaling": "scaling of the channels",
-    "mean-removal": "removal of means",
-}
 SEPARATOR = "-without-"  # in the name of a method: method, step
 COLUMNS = ["vaf_net_measured", "vaf_intrinsic_true", "vaf_reflex_true", "K", "B", "I", "spectral_radius", "pole_error"]
 
 
-def format_number(value: float, spec: str) -> str:
-    """A number in a table for people; a dash if it does not exist."""
-    return "–" if pd.isna(value) else f"{value:{spec}}"
+def format_number(value: float, spec: str = ".4g", margin: float = np.nan) -> str:
+    """A value, with ± half of its 95 % interval where there is one; a dash where there is no value."""
+    if pd.isna(value):
+        return "–"
+    return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
 
 
 def format_pairs(first: Iterable[float], second: Iterable[float], template: str = "{:.1f} ± {:.1f}") -> list[str]:
@@ -55,12 +48,10 @@ def format_means(
     return format_pairs(means, margins, template)
 
 
-def compare_with_published(
-    scores: pd.DataFrame, parameters: pd.DataFrame, published: pd.DataFrame, by: Sequence[str]
-) -> pd.DataFrame:
+def compare_with_published(details: pd.DataFrame, published: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Mean and standard deviation over trials beside the published numbers."""
     keys = ["method", "torque", "against"]
-    table = summarise_scores(scores, parameters, [*by, *keys]).merge(published, how="left", on=keys)
+    table = summarise_scores(details, [*by, "method"]).merge(published, how="left", on=keys)
     return table[[*by, *keys, "paper", "mean", "sd", "n", *COUNTS]]
 
 
@@ -82,20 +73,23 @@ def compare_with_bound(
     bounds: Mapping[tuple[str, str], Mapping[str, float]],
 ) -> pd.DataFrame:
     """Errors of parameters over trials, their size over the Cramér-Rao bound, and intervals that hold the truth [%]."""
-    counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
-    rows = []
-    for (point, method), part in details.groupby(["point", "method"], sort=False):
+    rows, keys = [], ["point", "method"]
+    for (point, method), part in details.groupby(keys, sort=False):
         estimated = details[details["method"] == method].dropna(axis="columns", how="all")  # at some point
         for name in (name for name in truths[point] if name in estimated):
             truth, bound, values = truths[point][name], bounds[point, method].get(name, np.nan), part[name].dropna()
-            rmse, mean = float(np.sqrt(((values - truth) ** 2).mean())), values.mean()
-            ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().to_numpy(dtype=float)
-            covered = 100.0 * ((ends[:, 0] <= truth) & (truth <= ends[:, 1])).mean() if len(ends) else np.nan
+            mean, rmse = values.mean(), float(np.sqrt(((values - truth) ** 2).mean()))
+            ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().astype(float)
+            is_covered = (ends[f"{name}_low"] <= truth) & (truth <= ends[f"{name}_high"])
             row = {"point": point, "method": method, "parameter": name, "truth": truth}
             row |= {"mean": mean, "bias": mean - truth, "sd": values.std(), "rmse": rmse, "n": len(values)}
-            row |= {"bound": bound, "ratio": rmse / bound if bound > 0 else np.nan, "covered": covered}
-            rows.append(row | counts.loc[(point, method)].to_dict())
-    return pd.DataFrame(rows)
+            row |= {
+                "bound": bound,
+                "ratio": rmse / bound if bound > 0 else np.nan,
+                "covered": 100.0 * is_covered.mean(),
+            }
+            rows.append(row)
+    return pd.DataFrame(rows).merge(count_outcomes(details, keys), on=keys)
 
 
 def tabulate_omissions(
@@ -116,7 +110,7 @@ def tabulate_omissions(
     for condition, point in filtered.items():
         for method in (name for name in labels if SEPARATOR not in name):
             places = {COMPLETE: (point, method), FILTER: (unfiltered.get(condition), method)}
-            places |= {STEP_LABELS[step]: (point, f"{method}{SEPARATOR}{step}") for step in OMITTED_STEPS}
+            places |= {step.replace("-", " "): (point, f"{method}{SEPARATOR}{step}") for step in OMITTED_STEPS}
             for label, place in places.items():
                 if place in results:
                     row = {"condition": condition, "method": labels[method], "omitted_step": label}
@@ -146,9 +140,8 @@ def _margins(values: pd.DataFrame) -> pd.Series:
     return pd.Series(confidence_margin(values.std(), values.count()), values.columns)
 
 
-def write_table(table: pd.DataFrame, stem: str | PathLike[str], shown: pd.DataFrame, caption: str) -> None:
+def write_table(table: pd.DataFrame, stem: str, shown: pd.DataFrame, caption: str) -> None:
     """Write a table as CSV, and what people read of it as Markdown with its caption; both replace former ones."""
-    stem = Path(stem)
-    write_csv(table, stem.with_name(stem.name + ".csv"), overwrite=True)
-    with atomic_file(stem.with_name(stem.name + ".md"), overwrite=True) as path:
+    write_csv(table, f"{stem}.csv", overwrite=True)
+    with atomic_file(f"{stem}.md", overwrite=True) as path:
         path.write_text(f"{shown.to_markdown(index=False)}\n\n{caption}\n", encoding="utf-8")

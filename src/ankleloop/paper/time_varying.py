@@ -146,16 +146,14 @@ def compare_with_bound(details: pd.DataFrame, points: Points, method: str) -> pd
         truths = profile_trajectories(settings, dimension, bound[dimension].values)
         for name in TRAJECTORY_TRUTHS:
             unit, means = 100.0 / truths[name].mean(), part[f"{name}_bias"].dropna()
-            squares = {
-                "root_error": (part[f"{name}_nrmse"] ** 2).mean(),
-                "bound": unit**2 * float((bound[name] ** 2).mean()),
-                "root_mean_error": (means**2).mean(),
-                "mean_bound": unit**2 * float(bound[f"{name}_mean"] ** 2),
-            }
-            efficiency = 100.0 * squares["bound"] / squares["root_error"]
-            of_mean = 100.0 * squares["mean_bound"] / squares["root_mean_error"]
-            low, high = of_mean * stats.chi2.ppf((0.025, 0.975), means.size) / means.size
-            row = {"point": point, "parameter": name, **{key: np.sqrt(value) for key, value in squares.items()}}
-            row |= {"efficiency": efficiency, "mean_efficiency": of_mean, "mean_low": low, "mean_high": high}
+            row = {"point": point, "parameter": name}
+            row["root_error"] = np.sqrt((part[f"{name}_nrmse"] ** 2).mean())
+            row["bound"] = unit * np.sqrt(float((bound[name] ** 2).mean()))
+            row["root_mean_error"] = np.sqrt((means**2).mean())
+            row["mean_bound"] = unit * float(bound[f"{name}_mean"])
+            row["efficiency"] = 100.0 * (row["bound"] / row["root_error"]) ** 2
+            row["mean_efficiency"] = 100.0 * (row["mean_bound"] / row["root_mean_error"]) ** 2
+            ends = stats.chi2.ppf((0.025, 0.975), means.size) / means.size
+            row["mean_low"], row["mean_high"] = row["mean_efficiency"] * ends
             rows.append(row)
     return pd.DataFrame(rows)

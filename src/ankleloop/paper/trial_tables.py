@@ -6,7 +6,6 @@ Each file holds the hash of the settings that made it.
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Literal
@@ -18,6 +17,7 @@ from pyarrow import dataset, parquet
 
 from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
+from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import METHODS
 from ankleloop.paper.captions import label_setting
 from ankleloop.paper.results import SETTINGS
@@ -28,7 +28,7 @@ from ankleloop.trials.reading_process import name_errors
 
 PathLike = str | os.PathLike[str]
 
-TORQUES = ("net", "intrinsic", "reflex")
+ERRORS = {f"{name}_error": name for name in SETTINGS}  # parameter of which a quantity is the relative error
 SHOWN = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
 TRAJECTORY_SCORES = {
@@ -38,9 +38,9 @@ TRAJECTORY_SCORES = {
     "rise": ("rise time of {}(·)", "s"),
 }
 SYMBOLS = {  # symbol and unit of each quantity
-    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("true", "measured")},
+    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("measured", "true")},
     **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
-    **{f"{name}_error": (f"error of {QUANTITIES[name].symbol}", "%") for name in SETTINGS},
+    **{error: (f"error of {QUANTITIES[name].symbol}", "%") for error, name in ERRORS.items()},
     "order": ("order", "1"),
     "passes": ("passes", "1"),
     "spectral_radius": ("spectral radius", "1"),
@@ -66,7 +66,7 @@ TYPES = {
     **dict.fromkeys(("trial", "order", "passes", "cycles"), pa.int64()),
     **dict.fromkeys(("converged", "stable"), pa.bool_()),
 }  # of columns that hold no floating-point numbers
-FIRST, LAST = ("study", "point"), ("failure", "warnings")
+LAST = ("failure", "warnings")
 ENDS = ("_low", "_high")  # of the 95 % interval of a quantity
 ESTIMATED = "_estimated"  # ending of an estimate whose name is that of a parameter of the sweep
 ORDER = {name: rank for rank, name in enumerate([*QUANTITIES, *SWEEP_QUANTITIES])}
@@ -113,9 +113,7 @@ def join_tables(
     schema = pa.schema([schema.field(name) for name in _order_columns(schema.names, varied)])
     table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(use_threads=False)
     if len(table) != rows:
-        raise DataError(
-            f"{next(iter(chunks))} …: the tables have {len(table)} of {rows} rows: delete them, and run again."
-        )
+        raise DataError(f"{next(iter(chunks))} …: they have {len(table)} of {rows} rows: delete them, and run again.")
     reasons = set(table["failure"].unique().to_pylist())
     if None not in reasons:
         raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
@@ -162,19 +160,13 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
         return parquet.read_table(path, columns=columns, read_dictionary=texts, **options).to_pandas(use_threads=False)
 
 
-def read_results(path: PathLike) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Trials of a study without the intervals of their VAF, and their VAF by torque; by point, method and trial."""
+def read_results(path: PathLike) -> pd.DataFrame:
+    """Trials of a study without the intervals of their VAF, by point, method and trial."""
     table = read_trial_table(path)
     ranks = [pd.factorize(table[name])[0] for name in ("method", "point")]
     table = table.iloc[np.lexsort((table["trial"], *ranks))].reset_index(drop=True)
     table = table.astype(dict.fromkeys(table.select_dtypes("category").columns, object))
-    keys = table[table.columns[: table.columns.get_loc("trial") + 1]]
-    scores = []
-    for torque, against in itertools.product(TORQUES, ("measured", "true")):
-        if (name := f"vaf_{torque}_{against}") in table:
-            low, high = (table.pop(f"{name}{end}") for end in ENDS)
-            scores.append(keys.assign(torque=torque, against=against, vaf=table[name], low=low, high=high))
-    return table, pd.concat(scores).sort_index(kind="stable").reset_index(drop=True)
+    return table.drop(columns=[name for name in table if name.startswith("vaf_") and name.endswith(ENDS)])
 
 
 def _read_schema(path: PathLike) -> pa.Schema:
@@ -185,7 +177,7 @@ def _read_schema(path: PathLike) -> pa.Schema:
 
 def _order_columns(names: Collection[str], varied: Sequence[str]) -> list[str]:
     """Keys, scores, parameters and diagnostics, faults."""
-    first = [*FIRST, *varied, "method", "trial"]
+    first = ["study", "point", *varied, "method", "trial"]
 
     def place(name: str) -> tuple[bool, int, str]:
         base = name.removesuffix("_low").removesuffix("_high").removesuffix(ESTIMATED)
@@ -201,17 +193,11 @@ def default_quantities(columns: Collection[str]) -> list[str]:
     return [name for name in first if name] + [f"{name}_error" for name in ("K", "G") if name in columns]
 
 
-def error_source(quantity: str) -> str | None:
-    """Parameter of which a quantity is the relative error; None for a quantity that is no error."""
-    name = quantity.removesuffix("_error")
-    return name if name != quantity and name in SETTINGS else None
-
-
 def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
     """What a method should reach: "high" for a VAF, "zero" for an error or bias, "low" for a share of faults."""
     if quantity.startswith(("vaf_", "unseen_")):
         return "high"
-    if error_source(quantity) or quantity.endswith("_bias"):
+    if quantity in ERRORS or quantity.endswith("_bias"):
         return "zero"
     return "low" if quantity == "pole_error" or quantity.endswith("_nrmse") or quantity in FAULT_SHARES else None
 
@@ -223,6 +209,6 @@ def label_parameter(name: str, labels: Mapping[str, str]) -> str:
     else:
         method, _, field = name.rpartition(".")
         words = field.replace("_", " ") + (f" of {labels.get(method, method)}" if method else "")
-        units = [entry.options.unit(field) for entry in METHODS.values() if field in entry.options.model_fields]
-        unit = next(iter(units), "1")
+        options = [entry.options for entry in METHODS.values() if field in entry.options.model_fields]
+        unit = options[0].unit(field) if options else "1"
     return f"{words} [{unit}]"

@@ -43,9 +43,6 @@ METHODS = {
 }
 MEASUREMENTS = {
     "block_rows": (15, np.nan, np.nan),
-    "constant_rows": (15, np.nan, np.nan),
-    "constant_directions": (0, np.nan, np.nan),
-    "correlation_rows": (122, np.nan, np.nan),
     "pr-moesp_instrument_rows": (15, np.nan, np.nan),
     "eiv-moesp_instrument_rows": (135, np.nan, np.nan),
     **{f"{m}_{q}": (1.0, 0.9, 1.1) for m in ("pr-moesp", "eiv-moesp") for q in ("milliseconds", "megabytes")},
@@ -80,9 +77,9 @@ class Studies(Mapping):
     `vaf` and `error` return None where the default is meant.
     """
 
-    def __init__(self, vaf=None, error=None, trials=6, spread=0.0, points=POINTS, kind="simulation"):
+    def __init__(self, vaf=None, error=None, trials=6, spread=0.0, points=POINTS):
         self.vaf, self.error = vaf or (lambda *_: None), error or (lambda *_: None)
-        self.trials, self.spread, self.points, self.kind = trials, spread, points, kind
+        self.trials, self.spread, self.points = trials, spread, points
         self.results = {}
 
     def __iter__(self):
@@ -112,7 +109,7 @@ class Studies(Mapping):
                 vaf = mean + self.noise(study, point, method, torque)
                 columns |= {f"vaf_{torque}_{against}": vaf for against in ("measured", "true")}
             tables.append(pd.DataFrame(columns).assign(point=point, method=method, passes=27.0))
-        return StudyResults(self.kind, points, pd.concat(tables, ignore_index=True), name=study)
+        return StudyResults(study, points, pd.concat(tables, ignore_index=True))
 
     def noise(self, *key):
         """Deviations of zero mean."""
@@ -120,9 +117,10 @@ class Studies(Mapping):
         return noise - noise.mean()
 
 
-def build_ledger(studies=None, measurements=(), claims=CLAIMS, tables=TABLES, **results):
+def build_ledger(studies=None, measurements=(), claims=CLAIMS, **results):
     quantities = MEASUREMENTS | dict(measurements)
     table = pd.DataFrame(
         [(name, *values) for name, values in quantities.items() if values], columns=["quantity", "value", "low", "high"]
     )
-    return verify(claims, tables, Studies(**results) if studies is None else studies, table, FINDINGS).set_index("id")
+    published = {**TABLES, "claims": claims, "findings": FINDINGS}
+    return verify(published, Studies(**results) if studies is None else studies, table).set_index("id")

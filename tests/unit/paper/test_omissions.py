@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 from ankleloop.methods.moesp import describe_omission
-from ankleloop.paper.tables import COMPLETE, STEP_LABELS, tabulate_omissions
+from ankleloop.paper.tables import COMPLETE, tabulate_omissions
 from ankleloop.simulation.settings import SimulationSettings
 
 TRIALS = 6
@@ -47,7 +47,7 @@ def values_of(parameters, point, method):
 
 def test_rows_are_conditions_methods_and_steps(results):
     table = tabulate_omissions(results, POINTS, LABELS)
-    scaling, filtering = STEP_LABELS["scaling"], "anti-aliasing filter"
+    scaling, filtering = "scaling", "anti-aliasing filter"
     assert table[["condition", "method", "omitted_step"]].values.tolist() == [
         *(["with noise", "PR-MOESP", step] for step in (COMPLETE, filtering, scaling)),
         *(["with noise", "EIV-MOESP", step] for step in (COMPLETE, filtering, scaling)),

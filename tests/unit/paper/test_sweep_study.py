@@ -53,7 +53,7 @@ def test_axes_choose_the_picture(read):
 
 def test_only_a_relevant_share_of_faults_is_marked(sweep):
     counts = {"trials": [100, 100, 20, 5, 5], "failures": [4, 5, 0, 5, 0], "warnings": [0, 0, 1, 0, 0]}
-    rows = sweep.label_rows(pd.DataFrame(counts).assign(quantity="K_error", method="riv", mean=1.0))
+    rows = sweep.label_rows(pd.DataFrame(counts).assign(quantity="K_error", method="riv", mean=1.0, margin=0.0))
     assert rows["marked"].tolist() == [False, True, True, False, False]
     assert rows["failed"].tolist() == [False, False, False, True, False]
 

@@ -46,24 +46,22 @@ def test_means_stand_with_half_of_their_interval():
 @pytest.fixture
 def partly_failed():
     """Four trials of two methods; one method fails at one point in every trial, and elsewhere in one of them."""
-    parameters, scores = [], []
+    rows = []
     for point in ("p", "q"):
         for method in ("a", "b"):
             for trial in range(4):
                 key = {"point": point, "method": method, "trial": trial}
                 if method == "b" and (point == "q" or trial == 3):
-                    parameters.append(key | {"failure": "no pole"})
-                    scores.append(key | {"torque": "net", "against": "true", "vaf": np.nan})
+                    rows.append(key | {"failure": "no pole"})
                     continue
-                parameters.append(key | {"K": 150.0 + trial, "warnings": "slow" if trial == 0 else ""})
-                scores.append(key | {"torque": "net", "against": "true", "vaf": 90.0 + trial})
-    return pd.DataFrame(parameters), pd.DataFrame(scores)
+                values = {"K": 150.0 + trial, "vaf_net_true": 90.0 + trial}
+                rows.append(key | values | {"warnings": "slow" if trial == 0 else ""})
+    return pd.DataFrame(rows)
 
 
 def test_a_table_beside_the_paper_says_how_many_trials_failed(partly_failed):
-    parameters, scores = partly_failed
     published = pd.DataFrame({"method": ["a"], "torque": ["net"], "against": ["true"], "paper": [91.0]})
-    table = compare_with_published(scores, parameters, published, ["point"])
+    table = compare_with_published(partly_failed, published, ["point"])
     assert list(table) == ["point", "method", "torque", "against", "paper", "mean", "sd", "n", *COUNTS]
     counts = table.set_index(["point", "method"])[["n", "trials", "failures", "warnings"]]
     assert counts.values.tolist() == [[4, 4, 0, 1], [3, 4, 1, 1], [4, 4, 0, 1], [0, 4, 4, 0]]
