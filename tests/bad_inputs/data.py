@@ -7,12 +7,17 @@ import xarray as xr
 
 from ankleloop import check_trial, identify, new_trial
 from ankleloop.errors import DataError
-from ankleloop.signals.decimation import lowpass
+from ankleloop.signals.decimation import decimation_taps
 from bad_inputs.bad_input import rows_of
 from bad_inputs.inputs import changed, simulated_trial
 
 DURATION = 30.0  # s
 RATE = 1000.0
+
+
+def lowpass(x, factor):
+    """The low-pass of a decimation without the decimation."""
+    return np.convolve(x - np.mean(x), decimation_taps(factor, 0)[0], "same")
 
 
 def warnings_or_refusal(trial: xr.Dataset | list[xr.Dataset], method: str = "riv") -> list[str]:

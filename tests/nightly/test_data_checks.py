@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from bad_inputs.data import lowpass
 
 from ankleloop import DataError, identify, new_trial, simulate
 from ankleloop.checks.channels import check_spikes
 from ankleloop.checks.data import DataUse, check_data
 from ankleloop.joint.prepared import prepare
-from ankleloop.signals.decimation import decimation_taps
 from ankleloop.studies.study import SimulatedStudy, read_studies
 
 CONFIG = Path(__file__).parents[2] / "config" / "config.yaml"
@@ -21,11 +21,6 @@ STUDIES = {
     for name, study in read_studies(yaml.safe_load(CONFIG.read_text(encoding="utf-8")))[1].items()
     if isinstance(study, SimulatedStudy)
 }
-
-
-def lowpass(x, factor):
-    """The low-pass of a decimation without the decimation."""
-    return np.convolve(x - np.mean(x), decimation_taps(factor, 0)[0], "same")
 
 
 def check(trial):

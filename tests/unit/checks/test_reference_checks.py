@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from bad_inputs.data import lowpass
 
 from ankleloop import identify, new_trial, simulate
 from ankleloop.checks.reference import check_exchange, check_filtered_torque, find_reference_faults
 from ankleloop.joint.prepared import prepare
-from ankleloop.signals.decimation import decimation_taps
 
 SETTINGS = {
     "as the default": {},
@@ -17,11 +17,6 @@ SETTINGS = {
     "open loop": {"closed_loop": False},
     "pulses": {"perturbation": "pulses", "switching_interval": 0.2},
 }
-
-
-def lowpass(x, factor):
-    """The low-pass of a decimation without the decimation."""
-    return np.convolve(x - np.mean(x), decimation_taps(factor, 0)[0], "same")
 
 
 @pytest.fixture(scope="module", params=SETTINGS)
