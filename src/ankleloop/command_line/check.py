@@ -38,8 +38,7 @@ def check(file: Path, **values: Any) -> int:
     _, result = check_file(file, map_file(file, **values))
     echo()
     for finding in result.findings:
-        verdict = click.style(f"{finding.verdict:>8}", fg=COLOURS[finding.verdict])
-        echo(f"{verdict}  {finding.name}: {finding.text}")
+        echo(f"{click.style(f'{finding.verdict:>8}', fg=COLOURS[finding.verdict])}  {finding.name}: {finding.text}")
     words = click.get_current_context().obj
     show_correction(" ".join(result.reasons), words)
     if result.verdict == "refused":

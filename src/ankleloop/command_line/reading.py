@@ -11,6 +11,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 import click
 
 from ankleloop.command_line.terminal import echo
+from ankleloop.errors import DataError
 from ankleloop.studies.recording_settings import Recording
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -52,7 +53,6 @@ def reading_options(command: Command) -> Command:
 
 def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Recording:
     """Map the variables of a file to channels, and show it; what the options leave out follows from names and units."""
-    from ankleloop.errors import DataError
     from ankleloop.trials.channels import find_position_unit, find_variable
     from ankleloop.trials.reading_process import list_variables
 

@@ -36,9 +36,7 @@ def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[
         try:
             runs = _prepare_runs(trial, models)
             if not rows:  # the first runs are not timed
-                counts = {
-                    f"{method}_instrument_rows": run().diagnostics["instrument_rows"] for method, run in runs.items()
-                }
+                counts = {f"{name}_instrument_rows": run().diagnostics["instrument_rows"] for name, run in runs.items()}
                 counts["block_rows"] = models["pr-moesp"].block_rows
                 rows = [{"quantity": quantity, "value": float(count), "n": 1} for quantity, count in counts.items()]
             cost = {("milliseconds", method): 1e3 * seconds for method, seconds in _time_runs(runs).items()}

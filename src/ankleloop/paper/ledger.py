@@ -17,7 +17,7 @@ VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
     judgement.CONDITIONAL: "the same, with something assumed that the paper does not give",
     judgement.AT_TOLERANCE: "our value is within a fifth of the tolerance from the limit: no number of trials decides",
-    judgement.NOT_REPRODUCED: "the whole interval lies outside; of several comparisons, which hold together, one does",
+    judgement.NOT_REPRODUCED: "the whole interval of a comparison lies outside; all intervals hold together with 95 %",
     judgement.OPEN: "the interval reaches across the limit, there is none (a single trial), or a result is missing",
     judgement.CONTRADICTION: "the paper says two things; no run can change that",
     judgement.BY_CONSTRUCTION: "it follows from a definition; no run can change that",

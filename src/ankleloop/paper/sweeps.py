@@ -112,17 +112,10 @@ class SweepStudy:
         difference = " − ".join(methods[name] for name in pair)
         if pair:
             shown = pd.concat([shown, pair_methods(trials, pair[0], pair[1], quantities)], ignore_index=True)
-        return cls(
-            shown,
-            parameters,
-            drawn or tuple(axes.values())[:1],
-            quantities,
-            [name for name in wanted if name not in quantities],
-            labels,
-            difference,
-            simulation,
-            label_styles(methods, algorithms or {}) | {difference: DIFFERENCE},
-        )
+        absent = [name for name in wanted if name not in quantities]
+        styles = label_styles(methods, algorithms or {}) | {difference: DIFFERENCE}
+        drawn = drawn or tuple(axes.values())[:1]
+        return cls(shown, parameters, drawn, quantities, absent, labels, difference, simulation, styles)
 
     @cached_property
     def panels(self) -> dict[tuple[str, bool], SweepPanel]:

@@ -83,11 +83,8 @@ def compare_with_bound(
             is_covered = (ends[f"{name}_low"] <= truth) & (truth <= ends[f"{name}_high"])
             row = {"point": point, "method": method, "parameter": name, "truth": truth}
             row |= {"mean": mean, "bias": mean - truth, "sd": values.std(), "rmse": rmse, "n": len(values)}
-            row |= {
-                "bound": bound,
-                "ratio": rmse / bound if bound > 0 else np.nan,
-                "covered": 100.0 * is_covered.mean(),
-            }
+            ratio = rmse / bound if bound > 0 else np.nan
+            row |= {"bound": bound, "ratio": ratio, "covered": 100.0 * is_covered.mean()}
             rows.append(row)
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), on=keys)
 

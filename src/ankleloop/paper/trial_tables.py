@@ -23,10 +23,8 @@ from ankleloop.paper.captions import label_setting
 from ankleloop.paper.results import SETTINGS
 from ankleloop.quantities import QUANTITIES, Quantity
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.trials.files import atomic_file, check_readable, write_csv
+from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
-
-PathLike = str | os.PathLike[str]
 
 ERRORS = {f"{name}_error": name for name in SETTINGS}  # parameter of which a quantity is the relative error
 SHOWN = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
@@ -141,7 +139,7 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
     Raises
     ------
     DataError
-        If there is no such file, it is damaged, or it has no such column.
+        If there is no such file, or it is damaged.
 
     Examples
     --------
@@ -151,9 +149,6 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
     ankleloop.errors.DataError: nowhere.parquet: there is no such file: check the path.
     """
     schema = _read_schema(path)
-    for name in columns or ():
-        if name not in schema.names:
-            raise DataError(f"{path}: there is no column {name!r}; there are {', '.join(schema.names)}.")
     texts = [field.name for field in schema if pa.types.is_string(field.type)]
     with name_errors(path, "table of trials", REMEDY):
         options = {"page_checksum_verification": True, "use_threads": False}

@@ -131,8 +131,3 @@ def test_a_damaged_table_is_refused(table, tmp_path, place):
     (tmp_path / "t.parquet").write_bytes(table.read_bytes()[:-100])
     with pytest.raises(DataError, match="not a readable table of trials"):
         read_hash(tmp_path / "t.parquet")
-
-
-def test_an_unknown_column_is_refused(table):
-    with pytest.raises(DataError, match=r"there is no column 'stiffness'; there are study, point"):
-        read_trial_table(table, ["stiffness"])

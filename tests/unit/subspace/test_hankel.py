@@ -80,3 +80,7 @@ def test_long_sums_do_not_lose_digits():
     x = np.random.default_rng(1).standard_normal((200_000, 1)) * 1e-3 + 1.0
     exact = multiply_rows(x.astype(np.longdouble) - 1.0, 3)
     np.testing.assert_allclose(hankel_gram([x], 3), exact.astype(float), atol=1e-8 * exact[0, 0])
+
+
+def test_a_constant_adds_no_direction_once_means_are_removed():
+    assert np.abs(hankel_gram([np.full((60, 1), 3.0)], 5)).max() < 1e-12
