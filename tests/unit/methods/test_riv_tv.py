@@ -212,6 +212,7 @@ def test_a_scheduling_variable_from_a_file(scheduled, tmp_path):
     assert np.sqrt(np.mean((result.trajectories["K"].values - truth.values) ** 2)) < 0.08 * 150.0
     assert result.diagnostics["outside"] == pytest.approx(0.04, abs=0.001)
     assert result.diagnostics["warnings"] == []
+    np.testing.assert_allclose(result.predict(recorded).torque["net"], result.torque["net"], atol=1e-9)
     recorded["ankle_angle"] += 10.0
     assert any("lies beyond the fitted range" in text for text in result.predict(recorded).diagnostics["warnings"])
 

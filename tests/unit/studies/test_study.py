@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from ankleloop.studies.checking import ConfigError
+from ankleloop.studies.resources import identification_seconds, requested_minutes, simulation_seconds
 from ankleloop.studies.study import read_studies
 
 
@@ -51,6 +52,17 @@ def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
     assert [len(chunk) for chunk in study.chunks] == [1, 1, 1, 2]
     assert [len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="estimates").chunks] == [1, 1, 1, 2]
     assert [len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="scores").chunks] == [5]
+
+
+@pytest.mark.parametrize("methods", [None, [], [{"method": "riv"}]], ids=["simulated", "prepared", "identified"])
+def test_longer_trials_take_longer(methods):
+    """A cost has a part that any trial takes, and one that grows with its samples."""
+    short, long, longer = (
+        simulation_seconds(samples) if methods is None else identification_seconds(samples, methods)
+        for samples in (1_000, 50_000, 100_000)
+    )
+    assert 0.0 < short < long < longer < 2.0 * long
+    assert requested_minutes(long + 3600.0, 1) > requested_minutes(long, 1) + 60
 
 
 # --- recordings

@@ -58,6 +58,14 @@ def test_packed_positions_of_every_format(tmp_path, engine):
     np.testing.assert_allclose(read_trial(path).position, P, atol=6e-7)
 
 
+@pytest.mark.parametrize("kind", [bool, complex])
+def test_samples_that_are_no_real_numbers_are_refused(tmp_path, kind):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["position"], file["torque"], file["fs"] = P, TQ.astype(kind), RATE
+    with pytest.raises(DataError, match=r"a.h5: torque is of type \w+, not real numbers"):
+        read_trial(tmp_path / "a.h5")
+
+
 # --- units
 
 
