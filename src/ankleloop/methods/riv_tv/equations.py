@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
@@ -11,11 +12,14 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import Grid
-from ankleloop.joint.time_varying_course import Course, Splines
-from ankleloop.methods.riv.equations import Parameters
+from ankleloop.joint.time_varying_course import Splines, make_course
+from ankleloop.methods.method import NOMINAL_DELAY
+from ankleloop.methods.riv.equations import DELAY_LIMITS, Parameters
 from ankleloop.signals.decimation import PASSBAND, decimate, decimation_margin
 from ankleloop.signals.spectra import pass_band, smooth
+
+if TYPE_CHECKING:
+    from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
 
 LEADS, LAGS = 0.15, 0.60  # s of the response to the reference
 RIDGE = 1e-3  # of the power of the reference: it settles what lies beyond the pass band
@@ -44,9 +48,10 @@ class Motion:
 class Bases:
     """Splines of K, B, G and I; those of I are `CONSTANT` where it does not vary."""
 
-    def __init__(self, splines: Sequence[Splines]) -> None:
-        self.all = splines
-        k, b, g, i = (part.size for part in splines)
+    def __init__(self, options: RivTvOptions, *, periodic: bool) -> None:
+        k, b, g, i = counts = *options.knots, options.inertia_knots
+        degree = 3 if options.interpolation == "cubic" else 0
+        self.all = [CONSTANT if count == 1 else Splines(count, periodic, degree) for count in counts]
         self.names = "KBG" if i == 1 else "KBGI"  # of those that vary
         self.size = k + b + i + g  # number of linear parameters
         # Places of the coefficients of K, B, G and I among the linear parameters; those of G come last.
@@ -83,18 +88,12 @@ class TimeVaryingEquations:
     squares.
     """
 
-    def __init__(
-        self,
-        trial: PreparedTrial,
-        grid: Grid,
-        course: Course,
-        reference: str,
-        bases: Bases,
-        delay: float,
-        weighting: str,
-    ) -> None:
-        self.grid, self.course, self.reference_name = grid, course, reference
-        self.bases, self.weighting, self.rows = bases, weighting, course.rows
+    def __init__(self, trial: PreparedTrial, options: RivTvOptions) -> None:
+        delay, latest = (NOMINAL_DELAY, DELAY_LIMITS[1]) if options.delay is None else (options.delay, options.delay)
+        self.grid = grid = trial.grid(options.identification_rate, latest)
+        self.course = course = make_course(trial, grid, options.cycle_onsets, options.schedule)
+        self.bases = Bases(options, periodic=course.periodic)
+        self.reference_name, self.weighting, self.rows = options.reference, options.weighting, course.rows
         self.rate = trial.rate / grid.factor  # of the decimated samples [Hz]
         # Length of the padded records that are transformed, and the Laplace variable at their frequencies [rad/s].
         self.size = int(next_fast_len(grid.samples + round(PADDING * self.rate), real=True))
@@ -104,7 +103,7 @@ class TimeVaryingEquations:
         self.band = pass_band(samples, self.rate)
         self.resolution = max(RESOLUTION, FEWEST_BINS * self.rate / samples)
         # Variance of the smoothed spectrum over its square; zero for flat weights.
-        self.smoothing_variance = self.band.smoothing_variance(self.resolution) if weighting == "noise" else 0.0
+        self.smoothing_variance = self.band.smoothing_variance(self.resolution) if self.weighting == "noise" else 0.0
         self.inside = (self.frequency >= self.band.lowest) & (self.frequency <= self.band.highest)
         self.share = float(np.mean(self.inside))  # so many independent values a whitened sample has
         # Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count.
@@ -117,17 +116,18 @@ class TimeVaryingEquations:
         self._level_fit = linalg.pinv(self._level_splines, rtol=1e-6)
         self.position = trial.motion(grid)[0]
         self.slow = self.slow_part(self.position)
-        signal = trial.channel(reference, grid)
+        signal = trial.channel(self.reference_name, grid)
         self.reference = signal - self.slow_part(signal)  # less what repeats or changes slowly, shape (N,)
         torque = trial.channel("torque", grid)
         self.torque = self.spectra(torque - torque.mean())
-        k, b, self._gain, i = (splines(course.place).T for splines in bases.all)
+        k, b, self._gain, i = (splines(course.place).T for splines in self.bases.all)
         # Weights of the splines of K, B, G and I in their means over the record.
         self.mean_weights = [rows[:, self.rows].mean(axis=1) for rows in (k, b, self._gain, i)]
         signals = np.stack([self.position - self.slow, *trial.motion(grid)[1:]])
         self.measured = Motion(signals, lambda delay: decimate(np.maximum(0.0, trial.velocity(delay)), *grid))
         self.predicted = self._predict()
-        for motion in {self.measured, self.predicted}:
+        self.motions = list(dict.fromkeys([self.measured, self.predicted]))
+        for motion in self.motions:
             position, velocity, acceleration = motion.signals
             motion.spectra = self.spectra(np.vstack([k * position, b * velocity, i * acceleration]))
         self.set_delay(delay)
@@ -174,7 +174,7 @@ class TimeVaryingEquations:
     def set_delay(self, delay: float) -> None:
         """Make the inputs of the reflex for a delay: one that acts behind the splines would move G over phase."""
         self.delay = delay
-        for motion in {self.measured, self.predicted}:
+        for motion in self.motions:
             motion.drive = self.spectra(self._gain * motion.rectify(delay))
 
     def means(self, linear: np.ndarray) -> dict[str, float]:
@@ -184,13 +184,8 @@ class TimeVaryingEquations:
 
     def system(self, parameters: Parameters, whiten: Callable[[np.ndarray], np.ndarray]) -> WhitenedSystem:
         """System at some parameters, whitened by a function of `whitener`."""
-
-        def differentiate(motion: Motion) -> np.ndarray:
-            return whiten(parameters.differentiate(motion.spectra, motion.drive, self.s))
-
-        regressors = differentiate(self.measured)
-        instruments = regressors if self.predicted is self.measured else differentiate(self.predicted)
-        return WhitenedSystem(instruments, regressors, whiten(self.lead(parameters)))
+        rows = [whiten(parameters.differentiate(motion.spectra, motion.drive, self.s)) for motion in self.motions]
+        return WhitenedSystem(rows[-1], rows[0], whiten(self.lead(parameters)))
 
     def lead(self, parameters: Parameters) -> np.ndarray:
         """Transform of the torque, ahead by its lag."""

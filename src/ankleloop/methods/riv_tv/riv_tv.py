@@ -13,12 +13,11 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.time_varying_course import Splines, make_course, trajectory_dataset
+from ankleloop.joint.time_varying_course import trajectory_dataset
 from ankleloop.methods.method import NOMINAL_DELAY, Method, RectifierOptions, RefinedOptions
 from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
-from ankleloop.methods.riv.equations import DELAY_LIMITS
 from ankleloop.methods.riv.riv import estimate_intervals
-from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
+from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
 from ankleloop.options import as_plain, option
 
@@ -97,10 +96,8 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
         `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness`
         and `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: converged, cycles
         (or segments that count as independent), intervals (their kind), variation_p (probability of a variation
-        as large, were K, B or G constant), outside (share of the samples whose scheduling variable lies beyond its
-        fitted range, the 2nd to the 98th percentile; they count as its ends), excitation (information about each
-        trajectory over its mean, at the places of the trajectories), torque_lag, and alternatives as of
-        `ankleloop.methods.riv.riv.identify_riv`.
+        as large, were K, B or G constant), excitation (information about each trajectory over its mean, at its
+        places), torque_lag, and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
 
     References
     ----------
@@ -132,17 +129,10 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
 
 def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
     trial.check_variable(options.reference)
-    delay = NOMINAL_DELAY if options.delay is None else options.delay
-    grid = trial.grid(options.identification_rate, DELAY_LIMITS[1] if options.delay is None else delay)
-    course = make_course(trial, grid, options.cycle_onsets, options.schedule)
-    degree = 3 if options.interpolation == "cubic" else 0
-    counts = *options.knots, options.inertia_knots
-    bases = Bases([CONSTANT if count == 1 else Splines(count, course.periodic, degree) for count in counts])
-    equations = TimeVaryingEquations(trial, grid, course, options.reference, bases, delay, options.weighting)
-    if course.periodic:
+    equations = TimeVaryingEquations(trial, options)
+    if equations.course.periodic:
         _check_perturbation(equations)
-    unknowns = ("delay",) * (options.delay is None) + ("torque_lag",) * (options.torque_lag is None)
-    return solve_time_varying(equations, options.order, unknowns, options.torque_lag or 0.0)
+    return solve_time_varying(equations, options)
 
 
 def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> Estimate:
@@ -175,7 +165,6 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
             "variation_p": solution.variation_p,
-            "outside": course.outside,
             "excitation": excitation,
             "torque_lag": parameters.lag,
             "reference": options.reference,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import special
@@ -14,6 +15,9 @@ from ankleloop.methods.riv.alternatives import Alternative, compute_shifts
 from ankleloop.methods.riv.equations import Parameters, fit_grid, solve_scaled
 from ankleloop.methods.riv_tv.equations import MEAN_SPLINES, Motion, TimeVaryingEquations, WhitenedSystem
 from ankleloop.signals.spectra import smooth
+
+if TYPE_CHECKING:
+    from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
 
 INTEGRATION = 2001  # places at which squares of splines are summed
 IDENTIFIED = 0.03  # of the mean information about a parameter: less is not identified
@@ -190,16 +194,15 @@ class TimeVaryingSolution:
         return response * (e.spectra(motion.rectify(e.delay)) - late * e.spectra(velocity))
 
 
-def solve_time_varying(
-    equations: TimeVaryingEquations, order: int, delays: tuple[str, ...], lag: float
-) -> TimeVaryingSolution:
+def solve_time_varying(equations: TimeVaryingEquations, options: RivTvOptions) -> TimeVaryingSolution:
     """Solve the equations, from the best of a grid of dynamics for constant parameters.
 
     A round solves the linear equations with weights and instruments of the point where it begins, chooses the
     penalties (`choose_penalties`), makes a step of the dynamics and of the delays, and renews the weights.
     """
-    linear, dynamics = _fit_constants(equations, order)
-    parameters = Parameters(linear, dynamics, lag=lag, delays=delays)
+    linear, dynamics = _fit_constants(equations, options.order)
+    delays = ("delay",) * (options.delay is None) + ("torque_lag",) * (options.torque_lag is None)
+    parameters = Parameters(linear, dynamics, lag=options.torque_lag or 0.0, delays=delays)
     largest = np.array([LARGEST_STEPS[name] for name in parameters.unknowns])
     converged, penalties = False, np.zeros(0)
     for count in range(1, MOST_ROUNDS + 1):
