@@ -190,7 +190,6 @@ def describe_model(
     return Estimate(
         method=member,
         torque=torque,
-        matrices=matrices,
         stiffness=dict(zip("KBI", matrices.D[0, :MOTION].tolist(), strict=True)),
         reflex={"delay": inputs.delay, **path.valid_parameters},
         diagnostics=diagnostics,

@@ -100,7 +100,6 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     return Estimate(
         method="parallel-cascade",
         torque=torque,
-        matrices=None,
         stiffness=regressors.fit_stiffness(torque["intrinsic"].values, rows),
         reflex={"delay": options.delay, **path.valid_parameters},
         diagnostics={

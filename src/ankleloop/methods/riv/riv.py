@@ -133,7 +133,6 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
     return Estimate(
         method="riv",
         torque=model.simulate(trial, inputs.regressors(trial) if parameters.delays else regressors),
-        matrices=model.matrices,
         stiffness={name: values.pop(name) for name in "KBI"},
         reflex=values,
         intervals=intervals,

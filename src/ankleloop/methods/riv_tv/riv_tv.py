@@ -155,7 +155,6 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     return Estimate(
         method="riv-tv",
         torque=model.simulate(trial, equations.grid, course.place),
-        matrices=None,
         stiffness=means,
         reflex=reflex,
         intervals=intervals if solution.converged else {},
