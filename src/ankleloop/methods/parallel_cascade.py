@@ -96,7 +96,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     torque = model.simulate(regressors)
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
     path = separate_response(responses[1], spectra, rate, regressors.basis)
-    unconverged = not converged and options.max_passes is None
+    warnings = [] if converged or options.max_passes else [f"no convergence within {PASS_CEILING} passes"]
     return Estimate(
         method="parallel-cascade",
         torque=torque,
@@ -111,7 +111,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
             "reflex_response": responses[1],
             "reflex_lags": lags[1] / rate,
             **path.diagnostics,
-            "warnings": [f"no convergence within {PASS_CEILING} passes"] if unconverged else [],
+            "warnings": warnings,
         },
         predictor=model,
     )

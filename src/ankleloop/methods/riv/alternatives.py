@@ -128,23 +128,24 @@ def _free_effect(effect: str, solution: Search) -> Alternative:
     return replace(found, value=value, shifts=compute_shifts(solution.point.values, freed.point.values))
 
 
-def _rows(effect: str, point: Point, origin: Equations) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the torque with respect to the size of an effect, by the measured and by the predicted inputs."""
+def _rows(effect: str, point: Point, origin: Equations) -> np.ndarray:
+    """Derivatives of the torque with respect to the size of an effect, by the measured and by the predicted inputs.
+
+    Shapes: returns (2, F).
+    """
     e, band, s = point.equations, origin.band, origin.band.s
     predicted = point.parameters.linear @ point.instruments[: point.parameters.linear.size]
     if effect == "lag":
-        return -s * e.torque, -s * predicted
+        return -s * np.stack([e.torque, predicted])
     if effect == "high-pass":
-        return -origin.torque / s, -predicted / s
+        return -np.stack([origin.torque, predicted]) / s
     if effect == "compression":
-        torques = e.regressors.torque - e.regressors.torque.mean(), band.signals(predicted)
-        return -band.transform(torques[0] ** 2 * torques[0]), -band.transform(torques[1] ** 2 * torques[1])
+        torques = np.stack([e.regressors.torque - e.regressors.torque.mean(), band.signals(predicted)])
+        return -band.transform(torques**2 * torques)
     if effect == "friction":
-        velocities = e.regressors.inputs[:, 1], e.predicted_inputs[:, 1]
-        return band.transform(np.sign(velocities[0])), band.transform(np.sign(velocities[1]))
-    response, late = point.parameters.responses(s)[0], np.exp(-s * e.delay)
-    drives = e.measured[MOTION] - late * e.measured[1], e.predicted[MOTION] - late * e.predicted[1]
-    return response * drives[0], response * drives[1]
+        return band.transform(np.sign([e.regressors.inputs[:, 1], e.predicted_inputs[:, 1]]))
+    velocities, drives = np.stack([e.measured, e.predicted], axis=1)[[1, MOTION]]
+    return point.parameters.responses(s)[0] * (drives - np.exp(-s * e.delay) * velocities)
 
 
 def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tuple[float, float]:

@@ -93,7 +93,7 @@ class TimeVaryingEquations:
         self.grid = grid = trial.grid(options.identification_rate, latest)
         self.course = course = make_course(trial, grid, options.cycle_onsets, options.schedule)
         self.bases = Bases(options, periodic=course.periodic)
-        self.reference_name, self.weighting, self.rows = options.reference, options.weighting, course.rows
+        self.options, self.rows = options, course.rows
         self.rate = trial.rate / grid.factor  # of the decimated samples [Hz]
         # Length of the padded records that are transformed, and the Laplace variable at their frequencies [rad/s].
         self.size = int(next_fast_len(grid.samples + round(PADDING * self.rate), real=True))
@@ -103,7 +103,7 @@ class TimeVaryingEquations:
         self.band = pass_band(samples, self.rate)
         self.resolution = max(RESOLUTION, FEWEST_BINS * self.rate / samples)
         # Variance of the smoothed spectrum over its square; zero for flat weights.
-        self.smoothing_variance = self.band.smoothing_variance(self.resolution) if self.weighting == "noise" else 0.0
+        self.smoothing_variance = self.band.smoothing_variance(self.resolution) if options.weighting == "noise" else 0.0
         self.inside = (self.frequency >= self.band.lowest) & (self.frequency <= self.band.highest)
         self.share = float(np.mean(self.inside))  # so many independent values a whitened sample has
         # Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count.
@@ -116,13 +116,13 @@ class TimeVaryingEquations:
         self._level_fit = linalg.pinv(self._level_splines, rtol=1e-6)
         self.position = trial.motion(grid)[0]
         self.slow = self.slow_part(self.position)
-        signal = trial.channel(self.reference_name, grid)
+        signal = trial.channel(options.reference, grid)
         self.reference = signal - self.slow_part(signal)  # less what repeats or changes slowly, shape (N,)
         torque = trial.channel("torque", grid)
         self.torque = self.spectra(torque - torque.mean())
         k, b, self._gain, i = (splines(course.place).T for splines in self.bases.all)
-        # Weights of the splines of K, B, G and I in their means over the record.
-        self.mean_weights = [rows[:, self.rows].mean(axis=1) for rows in (k, b, self._gain, i)]
+        # Weights of the linear parameters in the means of K, B, I and G over the record, shape (4, parameters).
+        self.mean_weights = linalg.block_diag(*(rows[:, self.rows].mean(axis=1) for rows in (k, b, i, self._gain)))
         signals = np.stack([self.position - self.slow, *trial.motion(grid)[1:]])
         self.measured = Motion(signals, lambda delay: decimate(np.maximum(0.0, trial.velocity(delay)), *grid))
         self.predicted = self._predict()
@@ -134,7 +134,7 @@ class TimeVaryingEquations:
 
     def _predict(self) -> Motion:
         """The motion that slow movement and reference explain; the measured one where the position is the reference."""
-        if self.reference_name == "position":
+        if self.options.reference == "position":
             return self.measured
         factor, samples = self.grid.factor, self.grid.samples
         perturbation = predict_perturbation(self.measured.signals[0], self.reference, self.rate)
@@ -178,9 +178,8 @@ class TimeVaryingEquations:
             motion.drive = self.spectra(self._gain * motion.rectify(delay))
 
     def means(self, linear: np.ndarray) -> dict[str, float]:
-        """Means of K, B, G and I over the record, of their coefficients."""
-        parts = zip("KBGI", self.mean_weights, self.bases.blocks, strict=True)
-        return {name: float(weights @ linear[block]) for name, weights, block in parts}
+        """Means of K, B, I and G over the record, of their coefficients."""
+        return dict(zip("KBIG", (self.mean_weights @ linear).tolist(), strict=True))
 
     def system(self, parameters: Parameters, whiten: Callable[[np.ndarray], np.ndarray]) -> WhitenedSystem:
         """System at some parameters, whitened by a function of `whitener`."""
@@ -224,7 +223,7 @@ class TimeVaryingEquations:
         residual = self.lead(parameters) - parameters.torque(self.measured.spectra, self.measured.drive, self.s)
         noise = self._remove_repeated(residual)
         spectrum = self.spectrum(noise)
-        if self.weighting == "flat":
+        if self.options.weighting == "flat":
             return self.whitener(np.where(self.inside, 1.0 / np.sqrt(spectrum.mean()), 0.0))
         weight = 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum))
         weight = np.where(self.inside, weight, 0.0)

@@ -132,7 +132,7 @@ def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
     equations = TimeVaryingEquations(trial, options)
     if equations.course.periodic:
         _check_perturbation(equations)
-    return solve_time_varying(equations, options)
+    return solve_time_varying(equations)
 
 
 def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> Estimate:
@@ -215,8 +215,8 @@ def _check_perturbation(equations: TimeVaryingEquations) -> None:
     share = float(left / max(np.sum(1.0 - 1.0 / count[since]), 1.0) / np.mean(signal[rows] ** 2))
     if share < LOCKED:
         raise DataError(
-            f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {equations.reference_name} repeats with the cycle: "
-            "the perturbation is locked to it. Draw a new pseudorandom sequence for every cycle."
+            f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {equations.options.reference} repeats with the "
+            "cycle: the perturbation is locked to it. Draw a new pseudorandom sequence for every cycle."
         )
 
 
