@@ -15,8 +15,8 @@ from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.riv.equations import Parameters
 from ankleloop.methods.riv.riv import LOGARITHMIC
-from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
-from ankleloop.methods.riv_tv.riv_tv import PLACES, RivTvOptions
+from ankleloop.methods.riv_tv.equations import RivTvOptions, TimeVaryingEquations
+from ankleloop.methods.riv_tv.riv_tv import PLACES
 from ankleloop.options import check_flag, check_number
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.spectra import pass_band

@@ -66,9 +66,9 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     Returns
     -------
     Estimate
-        `model` is None; the impulse responses and the history of passes are in `diagnostics`. K, B and I are those of
-        the second-order model that explains the intrinsic torque best; G, ωn and ζ those of the low-pass that is
-        closest to the reflex response.
+        `model` is None; `predictor` holds the impulse responses, `intrinsic` and `reflex`, and their `lags()`, and
+        `diagnostics` the history of passes. K, B and I are those of the second-order model that explains the intrinsic
+        torque best; G, ωn and ζ those of the low-pass that is closest to the reflex response.
 
     Examples
     --------
@@ -82,9 +82,8 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     regressors = trial.regressors(**options.model_dump(include=INPUTS), basis="rectifier")
     rate = regressors.rate
     leads, longest = round(options.intrinsic_lags * rate), round(options.reflex_lags * rate)
-    lags = np.arange(-leads, leads + 1), np.arange(longest + 1)
     rows = np.arange(max(leads, longest), regressors.torque.size - leads)  # samples that have all lags
-    unknowns = lags[0].size + lags[1].size
+    unknowns = 2 * leads + longest + 2
     if rows.size < 2 * unknowns:
         raise DataError(
             f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer or shorten the lags."
@@ -106,10 +105,6 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
             "passes": len(history),
             "converged": converged,
             "history": history,
-            "intrinsic_response": responses[0],
-            "intrinsic_lags": lags[0] / rate,
-            "reflex_response": responses[1],
-            "reflex_lags": lags[1] / rate,
             **path.diagnostics,
             "warnings": warnings,
         },

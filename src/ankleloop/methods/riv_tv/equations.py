@@ -1,25 +1,24 @@
-"""Equations of `riv-tv`: whitened regressors and instruments, less what repeats with the cycle."""
+"""Options of `riv-tv`, and its equations: whitened regressors and instruments, less what repeats with the cycle."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from pydantic import Field, field_validator, model_validator
 from scipy import linalg
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import Splines, make_course
-from ankleloop.methods.method import NOMINAL_DELAY
+from ankleloop.methods.method import NOMINAL_DELAY, RectifierOptions, RefinedOptions
 from ankleloop.methods.riv.equations import DELAY_LIMITS, Parameters
+from ankleloop.options import as_plain, option
 from ankleloop.signals.decimation import PASSBAND, decimate, decimation_margin
 from ankleloop.signals.spectra import pass_band, smooth
-
-if TYPE_CHECKING:
-    from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
 
 LEADS, LAGS = 0.15, 0.60  # s of the response to the reference
 RIDGE = 1e-3  # of the power of the reference: it settles what lies beyond the pass band
@@ -32,6 +31,45 @@ NOISE_SPLINES = 8  # of the level of the noise
 LOWEST_LEVEL = 0.05  # of the mean level of the noise
 POWER_FLOOR = 1e-10  # of the largest power of the noise
 CONSTANT = Splines(1, periodic=False, degree=0)
+Knots = Annotated[int, Field(ge=1, le=200)]
+
+
+class RivTvOptions(RefinedOptions, RectifierOptions):
+    """Options of refined instrumental variables for joints that change in time."""
+
+    delay: float | None = option(NOMINAL_DELAY, "reflex delay; null estimates it", unit="s", ge=0, le=1)
+    cycle_onsets: tuple[float, ...] | str | None = option(
+        None, "start of every cycle, and end of the last one; or the variable that holds the phase, 0 to 1", unit="s"
+    )
+    schedule: str | None = option(
+        None, "scheduling variable of the trial: K, B and G are functions of it; null without cycles: of time"
+    )
+    knots: tuple[Knots, Knots, Knots] = option((12, 8, 12), "numbers of splines of K, B and G; penalties smooth them")
+    inertia_knots: Knots = option(1, "number of splines of I, of a posture or a limb that changes; 1 for a constant")
+    interpolation: Literal["cubic", "constant"] = option(
+        "cubic", "cubic splines; or values that are constant over equal intervals, as of short segments"
+    )
+    torque_lag: float | None = option(
+        0.0, "lag of the torque channel behind the position; null estimates it", unit="s", ge=-0.05, le=0.05
+    )
+    rest_position: float | None = option(
+        None, "position at which the elastic torque is zero; null: the mean position", unit="rad", ge=-10, le=10
+    )
+
+    @field_validator("cycle_onsets", "knots", mode="before")
+    @classmethod
+    def _as_tuple(cls, values: Any) -> Any:
+        """Numbers come as lists from YAML, and as arrays from NumPy."""
+        values = np.asarray(values) if hasattr(values, "__array__") else values
+        return tuple(map(as_plain, values)) if isinstance(values, (list, tuple, np.ndarray)) else values
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.interpolation == "cubic" and (min(self.knots) < 4 or 1 < self.inertia_knots < 4):
+            raise ValueError(f"knots of cubic splines must be at least 4, got {self.knots} and {self.inertia_knots}.")
+        if self.cycle_onsets is not None and self.schedule is not None:
+            raise ValueError("cycle_onsets and schedule exclude each other: K, B and G are functions of one of them.")
+        return self
 
 
 @dataclass(eq=False)
