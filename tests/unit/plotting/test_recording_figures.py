@@ -43,8 +43,7 @@ def test_parametric_models_have_a_gain_and_a_phase():
 
 def test_reflex_responses_begin_after_the_delay_of_their_estimate():
     """Methods with different delays are compared at the same time after the movement."""
-    inputs = SimpleNamespace(identification_rate=100.0)
-    slow = estimate(ResponseModel(inputs, np.ones(9), np.ones(60)))
+    slow = estimate(ResponseModel(SimpleNamespace(identification_rate=100.0), np.ones(9), np.ones(60)))
     slow.reflex["delay"] = 0.07
     figure = model_figure({"riv": slow, "PI-MOESP": estimate()})
     reflex = figure.axes[3]
