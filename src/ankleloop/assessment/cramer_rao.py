@@ -13,11 +13,10 @@ from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.time_varying_course import Splines, make_course
 from ankleloop.methods.riv.equations import Parameters
 from ankleloop.methods.riv.riv import LOGARITHMIC
-from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
-from ankleloop.methods.riv_tv.riv_tv import PLACES, RivTvOptions
+from ankleloop.methods.riv_tv.equations import RivTvOptions, TimeVaryingEquations
+from ankleloop.methods.riv_tv.riv_tv import PLACES
 from ankleloop.options import check_flag, check_number
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.spectra import pass_band
@@ -27,7 +26,7 @@ from ankleloop.simulation.simulate import simulate
 
 MEAN_SLOPE = 0.5  # of a rectifier, for a velocity of zero mean
 PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one
-COURSES = {"cycle": ("phase", None), "time": (None, None), "schedule": (None, "schedule")}
+COURSES = {"cycle": {"cycle_onsets": "phase"}, "time": {}, "schedule": {"schedule": "schedule"}}
 
 
 def cramer_rao(
@@ -322,13 +321,12 @@ def linearise(
 ) -> tuple[TimeVaryingEquations, Parameters]:
     """Equations of a trial without disturbances, and the parameters that are closest to the true ones."""
     clean = prepare(_simulate_clean(seed, settings))
-    grid = clean.grid(rate, settings.delay)
-    course = make_course(clean, grid, *COURSES[str(settings.variation)])
-    bases = Bases([*(Splines(count, course.periodic) for count in knots), CONSTANT])
-    equations = TimeVaryingEquations(clean, grid, course, "position", bases, settings.delay, "noise")
+    given = {"identification_rate": rate, "delay": settings.delay, "knots": knots, **COURSES[str(settings.variation)]}
+    equations = TimeVaryingEquations(clean, RivTvOptions.parse("trajectory_bound", reference="position", **given))
+    bases, course = equations.bases, equations.course
     linear = np.zeros(bases.size)  # without an inertia, of which nothing else depends
     for name, splines, block in zip(TRAJECTORY_TRUTHS.values(), bases.all, bases.blocks, strict=False):
-        truth = clean.channel(name, grid)[course.rows]
+        truth = clean.channel(name, equations.grid)[course.rows]
         linear[block] = np.linalg.lstsq(splines(course.place[course.rows]), truth, rcond=1e-12)[0]
     dynamics = ReflexDynamics(settings.omega_n, settings.zeta, settings.pole)
     return equations, Parameters(linear, dynamics, delays=() if known_delay else ("delay",))

@@ -38,11 +38,6 @@ class Estimate:
     torque : xarray.Dataset
         `net`, `intrinsic` and `reflex` torque over time [N·m], as deviations from their means, and the `measured`
         torque at the same times.
-    matrices : ankleloop.subspace.matrices.Matrices or None
-        Model in physical units from position, velocity, acceleration and the basis functions to the torque; None for
-        methods without one. `model` is the same as a `control.StateSpace`. The basis functions are those of the
-        velocity delayed by ``reflex["delay"]``: the delay is part of the inputs, not of A, B, C, D, and is also in
-        `matrices.input_delays`.
     stiffness : dict
         "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²].
     reflex : dict
@@ -78,13 +73,22 @@ class Estimate:
 
     method: str
     torque: xr.Dataset
-    matrices: Matrices | None
     stiffness: dict[str, float]
     reflex: dict[str, float]
     intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     diagnostics: dict[str, Any] = field(default_factory=dict)
     predictor: Model | None = field(default=None, repr=False)
     trajectories: xr.Dataset | None = field(default=None, repr=False)
+
+    @property
+    def matrices(self) -> Matrices | None:
+        """Model in physical units from position, velocity, acceleration and the basis functions to the torque.
+
+        None for methods without one. `model` is the same as a `control.StateSpace`. The basis functions are those of
+        the velocity delayed by ``reflex["delay"]``: the delay is part of the inputs, not of A, B, C, D, and is also in
+        `matrices.input_delays`.
+        """
+        return None if self.predictor is None else self.predictor.matrices
 
     @cached_property
     def model(self) -> StateSpace | None:

@@ -164,7 +164,6 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     return Estimate(
         method=groups[""].text("method"),
         torque=torque_dataset(time, rate, **torques),
-        matrices=None if model is None else model.matrices,
         stiffness={name: value for name, (value,) in stiffness.items()},
         reflex={name: value for name, (value,) in reflex.items()},
         intervals={name: (low, high) for name, (low, high) in intervals.items()},

@@ -47,7 +47,6 @@ class Course:
     # Shape (rows,): number of the cycle, or of the segment of a record without cycles, of each of them.
     segment: np.ndarray
     since: np.ndarray  # shape (rows,): samples since the onset of the cycle; of the segment, without cycles
-    outside: float = 0.0  # share of the samples whose scheduling variable lies beyond the limits
 
     @property
     def periodic(self) -> bool:
@@ -132,8 +131,7 @@ def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] 
     else:
         dimension, limits = "schedule", _schedule_limits(trial, grid, schedule, values, rows)
     place = (values - limits[0]) / (limits[1] - limits[0])
-    outside = float(np.mean((place[rows] < 0) | (place[rows] > 1)))
-    return Course(dimension, np.clip(place, 0.0, 1.0), limits, rows, number // length, number % length, outside)
+    return Course(dimension, np.clip(place, 0.0, 1.0), limits, rows, number // length, number % length)
 
 
 def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Course:

@@ -135,8 +135,7 @@ def _list_assumptions(options: Any, reference: str | None) -> list[str]:
 
 def data_use(options: Any, reference: str | None) -> DataUse:
     """What a method takes from its data under its options; what they do not have is as in `DataUse`."""
-    names = ("delay", "identification_rate", "order", "block_rows")
-    given = {name: getattr(options, name) for name in names if getattr(options, name, None) is not None}
+    given = options.model_dump(include={"delay", "identification_rate", "order", "block_rows"}, exclude_none=True)
     if "block_rows" in given:
         given.setdefault("order", (options.block_rows - 1) // 2)  # the largest that may be chosen
     return DataUse(reference=reference, **given)

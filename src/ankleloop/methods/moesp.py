@@ -118,10 +118,10 @@ def identify_moesp(
     True
     """
     reference, step = _find_reference(member, options), options.omitted_step
-    basis: str | Basis = options.basis or "chebyshev"
+    kind = options.basis or "chebyshev"
+    basis: str | Basis = kind
     if len(trials) > 1:
-        velocities = np.concatenate([trial.velocity(options.delay) for trial in trials])
-        basis = fit_basis(velocities, options.basis or "chebyshev", options.degree)
+        basis = fit_basis(np.concatenate([trial.velocity(options.delay) for trial in trials]), kind, options.degree)
     inputs = options.model_dump(include=INPUTS) | {"basis": basis, "reference": reference}
     if step in get_args(InputStep):
         inputs["omitted_step"] = step
@@ -190,7 +190,6 @@ def describe_model(
     return Estimate(
         method=member,
         torque=torque,
-        matrices=matrices,
         stiffness=dict(zip("KBI", matrices.D[0, :MOTION].tolist(), strict=True)),
         reflex={"delay": inputs.delay, **path.valid_parameters},
         diagnostics=diagnostics,

@@ -66,9 +66,9 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     Returns
     -------
     Estimate
-        `model` is None; the impulse responses and the history of passes are in `diagnostics`. K, B and I are those of
-        the second-order model that explains the intrinsic torque best; G, ωn and ζ those of the low-pass that is
-        closest to the reflex response.
+        `model` is None; `predictor` holds the impulse responses, `intrinsic` and `reflex`, and their `lags()`, and
+        `diagnostics` the history of passes. K, B and I are those of the second-order model that explains the intrinsic
+        torque best; G, ωn and ζ those of the low-pass that is closest to the reflex response.
 
     Examples
     --------
@@ -82,9 +82,8 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     regressors = trial.regressors(**options.model_dump(include=INPUTS), basis="rectifier")
     rate = regressors.rate
     leads, longest = round(options.intrinsic_lags * rate), round(options.reflex_lags * rate)
-    lags = np.arange(-leads, leads + 1), np.arange(longest + 1)
     rows = np.arange(max(leads, longest), regressors.torque.size - leads)  # samples that have all lags
-    unknowns = lags[0].size + lags[1].size
+    unknowns = 2 * leads + longest + 2
     if rows.size < 2 * unknowns:
         raise DataError(
             f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer or shorten the lags."
@@ -96,23 +95,18 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     torque = model.simulate(regressors)
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
     path = separate_response(responses[1], spectra, rate, regressors.basis)
-    unconverged = not converged and options.max_passes is None
+    warnings = [] if converged or options.max_passes else [f"no convergence within {PASS_CEILING} passes"]
     return Estimate(
         method="parallel-cascade",
         torque=torque,
-        matrices=None,
         stiffness=regressors.fit_stiffness(torque["intrinsic"].values, rows),
         reflex={"delay": options.delay, **path.valid_parameters},
         diagnostics={
             "passes": len(history),
             "converged": converged,
             "history": history,
-            "intrinsic_response": responses[0],
-            "intrinsic_lags": lags[0] / rate,
-            "reflex_response": responses[1],
-            "reflex_lags": lags[1] / rate,
             **path.diagnostics,
-            "warnings": [f"no convergence within {PASS_CEILING} passes"] if unconverged else [],
+            "warnings": warnings,
         },
         predictor=model,
     )

@@ -98,7 +98,6 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     return Estimate(
         method="real-time",
         torque=torque_dataset(regressors.time, rate, **sum_paths(intrinsic, reflex)),
-        matrices=None,
         stiffness={name: means[name] for name in "KBI"},
         reflex={"delay": options.delay, "G": means["G"]},
         diagnostics={

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
-from types import MappingProxyType
 from typing import Any, cast
 
 from ankleloop.errors import DataError
@@ -23,12 +21,7 @@ NO_DEFAULT = (
     "or, if nothing was compliant while it was recorded (open loop), name a method: 'riv' or 'pr-moesp' with "
     "reference='position', 'pi-moesp', 'po-moesp', 'eiv-moesp', 'moesp', 'parallel-cascade' or 'real-time'."
 )
-# Options that a selection needs to score what was not fitted.
-SHARED = ("reference", "delay", "identification_rate", "cycle_onsets")
-
-METHODS: Mapping[str, Method] = MappingProxyType(
-    {method.name: method for module in FAMILIES for method in module.METHODS}
-)
+METHODS: Mapping[str, Method] = {method.name: method for module in FAMILIES for method in module.METHODS}
 
 
 def find_method(name: str) -> Method:
@@ -110,8 +103,7 @@ def identify(
     candidates = check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
     if isinstance(trial, (list, tuple)):
         raise DataError("options are selected on one trial at a time: set them for trials that are merged.")
-    shared = {name: value for name, value in {**entry.options.defaults(), **options}.items() if name in SHARED}
-    selection = select_options(cast(Trial, trial), partial(entry, **options), candidates, criterion=criterion, **shared)
+    selection = select_options(cast(Trial, trial), entry, candidates, criterion=criterion, **options)
     estimate = entry(trial, **options, **selection["chosen"])
     estimate.diagnostics["selection"] = selection
     return estimate

@@ -37,10 +37,7 @@ def select_options(
     candidates: Mapping[str, Sequence[Any]],
     *,
     criterion: str | None = None,
-    reference: str = "reference",
-    delay: float | None = NOMINAL_DELAY,
-    identification_rate: float = 100.0,
-    cycle_onsets: str | Sequence[float] | None = None,
+    **options: Any,
 ) -> dict[str, Any]:
     r"""Choose options by the residual in the half of the record that was not fitted.
 
@@ -61,15 +58,14 @@ def select_options(
     ----------
     trial : xarray.Dataset or PreparedTrial
     fit : callable
-        ``fit(trial, **options)`` gives an `Estimate` that can predict.
+        ``fit(trial, **options)``, such as a method, gives an `Estimate` that can predict.
     candidates : dict of str to sequence
         Values of each option; all combinations are tried, the last option varying fastest.
     criterion : {"instrumental", "cross-validation"}, optional
         "instrumental" by default if the trial has the reference, and it is not the position.
-    reference, delay, identification_rate
-        Variable that serves as reference, reflex delay of the instruments [s] (None for 40 ms) and their rate [Hz].
-    cycle_onsets : str or sequence of float, optional
-        Start of every cycle of the trial [s], or the variable that holds the phase, for a joint that changes with it.
+    **options
+        Further options of all fits. Those of them that say how unseen data are scored have the same defaults as in the
+        methods: `reference`, `delay` and `identification_rate` (of the instruments), and `cycle_onsets`.
 
     Returns
     -------
@@ -92,23 +88,26 @@ def select_options(
     >>> select_options(trial, fit, {"basis": ["rectifier"], "order": [1, 2]})["chosen"]
     {'basis': 'rectifier', 'order': 2}
     """
-    record = prepare(trial).trial
+    record, reference = prepare(trial).trial, options.get("reference", "reference")
     has_reference = reference in record and reference != "position"
     criterion = criterion or ("instrumental" if has_reference else "cross-validation")
     if criterion == "instrumental" and not has_reference:
         raise DataError(
             f"the instrumental criterion needs a reference, and there is no {reference!r}: use 'cross-validation'."
         )
-    inputs = {"delay": NOMINAL_DELAY if delay is None else delay, "identification_rate": identification_rate}
+    delay, rate = options.get("delay"), options.get("identification_rate", 100.0)
+    inputs = {"delay": NOMINAL_DELAY if delay is None else delay, "identification_rate": rate}
     halves = _halve(record, reference if has_reference else None, inputs)
     rows: list[dict[str, Any]] = []
     losses: dict[int, np.ndarray] = {}  # by the number of the candidate, of those that could be fitted
     for number, values in enumerate(itertools.product(*candidates.values())):
-        options = dict(zip(candidates, values, strict=True))
-        rows.append({**options, "scores": {}, "warnings": []})
+        selected = dict(zip(candidates, values, strict=True))
+        rows.append({**selected, "scores": {}, "warnings": []})
+        bound = partial(fit, **options, **selected)
         try:
-            loss, rows[-1]["scores"], rows[-1]["warnings"] = _score(halves, partial(fit, **options), cycle_onsets)
-            losses[number] = loss[criterion]
+            sums, rows[-1]["warnings"] = _score(halves, bound, options.get("cycle_onsets"))
+            rows[-1]["scores"] = {name: float(100.0 * (1.0 - r.sum() / y.sum())) for name, (r, y) in sums.items()}
+            losses[number] = sums[criterion][0]
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows[-1]["error"] = str(error)
     if not losses:
@@ -177,10 +176,9 @@ def _project(instruments: tuple[np.ndarray, np.ndarray], time: np.ndarray, signa
 
 def _score(
     halves: Sequence[Half], fit: Callable[[PreparedTrial], Estimate], cycle_onsets: str | Sequence[float] | None
-) -> tuple[dict[str, np.ndarray], dict[str, float], list[str]]:
-    """Losses of a candidate in segments of time, and scores [%], by criterion; and warnings of its fits."""
-    losses: dict[str, list[np.ndarray]] = {}
-    totals: dict[str, float] = {}
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """By criterion, squares of residual and torque, summed over segments, shape (2, segments); warnings of the fits."""
+    sums: dict[str, list[list[np.ndarray]]] = {}
     warnings: list[str] = []
     for training, test, instruments in halves:
         estimate = fit(training)
@@ -203,9 +201,7 @@ def _score(
         # Counted from the start of the half, so that all candidates have the same segments.
         start, stop = test.time[[0, -1]]
         segments = ((time[scored] - start) / SEGMENT).astype(int)
-        for name, (residual, target) in explainable.items():
-            losses.setdefault(name, []).append(np.bincount(segments, residual**2, int((stop - start) / SEGMENT) + 1))
-            totals[name] = totals.get(name, 0.0) + target @ target
-    joined = {name: np.concatenate(parts) for name, parts in losses.items()}
-    scores = {name: float(100.0 * (1.0 - loss.sum() / totals[name])) for name, loss in joined.items()}
-    return joined, scores, list(dict.fromkeys(warnings))
+        count = int((stop - start) / SEGMENT) + 1
+        for name, pair in explainable.items():
+            sums.setdefault(name, []).append([np.bincount(segments, signal**2, count) for signal in pair])
+    return {name: np.hstack(parts) for name, parts in sums.items()}, list(dict.fromkeys(warnings))

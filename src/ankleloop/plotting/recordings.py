@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.joint.dynamics import ReflexDynamics
+from ankleloop.joint.models import ResponseModel
 from ankleloop.plotting.panels import Panel, Styles, draw_panels, finish
 from ankleloop.plotting.studies import estimates_figure
 from ankleloop.plotting.style import REFERENCE_LINE, DataFigure, MethodStyle, method_styles
@@ -82,8 +83,9 @@ def _list_curves(estimate: Estimate) -> dict[str, tuple[np.ndarray, np.ndarray]]
     details, values, s = estimate.diagnostics, estimate.reflex, 2j * np.pi * FREQUENCIES
     response = estimate.stiffness["K"] + estimate.stiffness["B"] * s + estimate.stiffness["I"] * s**2
     curves = {"phase": (FREQUENCIES, _phase(response)), "gain": (FREQUENCIES, np.abs(response))}
-    if "intrinsic_response" in details:
-        curves["response"] = details["intrinsic_lags"], details["intrinsic_response"]
+    model = estimate.predictor
+    if isinstance(model, ResponseModel):
+        curves["response"] = model.lags()["intrinsic_lag"].values, model.intrinsic
     if details.get("nonlinearity") is not None:
         curves["nonlinearity"] = details["nonlinearity"]["velocity"], details["nonlinearity"]["torque"]
     if "omega_n" in values:
@@ -93,10 +95,10 @@ def _list_curves(estimate: Estimate) -> dict[str, tuple[np.ndarray, np.ndarray]]
         time = np.arange(0.0, LONGEST, 1e-3)
         samples = np.fft.irfft(dynamics.response(2j * np.pi * np.fft.rfftfreq(4096, 1e-3))[0])[: time.size] * 1e3
         curves["reflex response"] = values["delay"] + time, samples
-    if "omega_n" in values and "reflex_response" in details:
-        lags, samples = np.asarray(details["reflex_lags"]), np.asarray(details["reflex_response"])
+    if "omega_n" in values and isinstance(model, ResponseModel):
+        lags = model.lags()["reflex_lag"].values
         window = lags < LONGEST
-        curves[SAMPLES] = values["delay"] + lags[window], samples[window] / values["G"] / (lags[1] - lags[0])
+        curves[SAMPLES] = values["delay"] + lags[window], model.reflex[window] / values["G"] / (lags[1] - lags[0])
     return curves
 
 

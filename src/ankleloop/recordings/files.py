@@ -18,7 +18,7 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.joint.time_varying_course import make_course
 from ankleloop.methods.registry import find_method
-from ankleloop.methods.riv_tv.riv_tv import RivTvOptions
+from ankleloop.methods.riv_tv.equations import RivTvOptions
 from ankleloop.recordings.analysis import Analysis, analyse, describe_failure, refused_analysis
 from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.recommendation import recommend

@@ -26,7 +26,7 @@ def make_estimate(intrinsic, reflex, net=None, first=FIRST, **fields):
     time = (first + FACTOR * np.arange(intrinsic.size)) / RATE
     net = intrinsic + reflex if net is None else net
     torque = torque_dataset(time, RATE / FACTOR, net=net, intrinsic=intrinsic, reflex=reflex)
-    return Estimate("test", torque, None, {"K": 150.0, "B": 0.8, "I": 0.015}, {"delay": 0.04}, **fields)
+    return Estimate("test", torque, {"K": 150.0, "B": 0.8, "I": 0.015}, {"delay": 0.04}, **fields)
 
 
 @pytest.fixture(scope="module")

@@ -31,7 +31,7 @@ def make_estimate(values, margin=None, dimension="phase", places=PLACES, **field
         variables |= {f"{name}_high": (dimension, values + margin) for name in "KBG"}
     torque = torque_dataset(np.arange(800) / 100, 100.0, net=np.arange(800.0))
     curves = xr.Dataset(variables, coords={dimension: places})
-    return Estimate("test", torque, None, {"K": 1.0}, {"G": 1.0}, trajectories=curves, **fields)
+    return Estimate("test", torque, {"K": 1.0}, {"G": 1.0}, trajectories=curves, **fields)
 
 
 def smooth(place):

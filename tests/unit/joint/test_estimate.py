@@ -6,14 +6,13 @@ import pytest
 from ankleloop import evaluate, identify, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import TORQUES, torque_dataset
-from ankleloop.subspace.matrices import Matrices
 
 
 def make_estimate(**fields):
     torques = np.random.default_rng(0).standard_normal((3, 50))
     torque = torque_dataset(0.35 + np.arange(50) / 100.0, 100.0, **dict(zip(TORQUES, torques, strict=True)))
     stiffness = {"K": 150.125, "B": 0.8, "I": 0.1 + 0.2}
-    return Estimate("pr-moesp", torque, fields.pop("matrices", None), stiffness, {"delay": 0.04}, **fields)
+    return Estimate("pr-moesp", torque, stiffness, {"delay": 0.04}, **fields)
 
 
 def test_torques_have_units_and_names():
@@ -59,11 +58,9 @@ def test_the_measured_torque_stands_beside_the_estimated_ones():
 
 
 def test_the_model_is_a_state_space_of_control():
-    matrices = Matrices(
-        np.array([[0.5]]), np.ones((1, 2)), np.ones((1, 1)), np.zeros((1, 2)), 0.01, (("a", "b"), ("torque",))
-    )
-    estimate = make_estimate(matrices=matrices)
+    estimate = identify(simulate(seed=1, duration=12.0), "pr-moesp", basis="rectifier")
     assert estimate.model is estimate.model
-    assert (estimate.model.dt, estimate.model.input_labels) == (0.01, ["a", "b"])
-    np.testing.assert_array_equal(estimate.model.A, matrices.A)
+    assert estimate.model.dt == 0.01
+    assert estimate.model.input_labels == ["position", "velocity", "acceleration", "rectified_velocity"]
+    np.testing.assert_array_equal(estimate.model.A, estimate.matrices.A)
     assert make_estimate().model is None

@@ -16,7 +16,7 @@ def make_estimate(seed=0, **fields):
     time = 0.35 + np.arange(seed % 7, 50) / 100.0  # records of several lengths, which begin at several times
     torque = torque_dataset(time, 100.0, **{name: rng.standard_normal(time.size) for name in TORQUES})
     stiffness = {"K": 150.0 + rng.standard_normal(), "B": 0.8, "I": 0.1 + 0.2}
-    return Estimate("pr-moesp", torque, None, stiffness, {"delay": 0.04}, **fields)
+    return Estimate("pr-moesp", torque, stiffness, {"delay": 0.04}, **fields)
 
 
 def collect(index, precision="double"):

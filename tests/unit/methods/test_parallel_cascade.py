@@ -76,10 +76,11 @@ def test_passes_of_the_parallel_cascade(cascades, record, passes):
     np.testing.assert_allclose(diagnostics["history"], history, atol=1e-9)
     np.testing.assert_allclose(estimate.torque["intrinsic"], intrinsic, atol=1e-8)
     np.testing.assert_allclose(estimate.torque["reflex"], reflex, atol=1e-8)
-    for name, response in (("intrinsic_response", intrinsic_response), ("reflex_response", reflex_response)):
-        np.testing.assert_allclose(diagnostics[name], response, rtol=1e-6, atol=1e-6 * np.max(np.abs(response)))
-    np.testing.assert_allclose(diagnostics["intrinsic_lags"], np.arange(-LEADS, LEADS + 1) / 100)
-    np.testing.assert_allclose(diagnostics["reflex_lags"], np.arange(LAGS + 1) / 100)
+    model = estimate.predictor
+    for found, response in ((model.intrinsic, intrinsic_response), (model.reflex, reflex_response)):
+        np.testing.assert_allclose(found, response, rtol=1e-6, atol=1e-6 * np.max(np.abs(response)))
+    np.testing.assert_allclose(model.lags()["intrinsic_lag"], np.arange(-LEADS, LEADS + 1) / 100)
+    np.testing.assert_allclose(model.lags()["reflex_lag"], np.arange(LAGS + 1) / 100)
 
 
 def test_convergence_that_is_not_reached_is_a_warning(noisy, monkeypatch):

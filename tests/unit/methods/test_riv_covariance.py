@@ -8,7 +8,7 @@ from ankleloop.assessment.bootstrap import block_bootstrap
 from ankleloop.assessment.scores import parameter_row
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.riv.equations import Equations
-from ankleloop.methods.riv.riv import choose_covariance, robust_covariance, time_scores
+from ankleloop.methods.riv.riv import robust_covariance, time_scores
 from ankleloop.methods.riv.search import solve
 
 NAMES = ("K", "B", "I", "G", "omega_n", "zeta")
@@ -76,11 +76,11 @@ def test_robust_errors_are_the_scatter_of_incomplete_models():
 
 
 def test_the_movement_decides():
-    complete, incomplete = (solve_trial(simulate(seed=2, **settings)) for settings in ({}, INCOMPLETE))
-    assert complete.point.movement_p > 0.01 > incomplete.point.movement_p
-    assert choose_covariance(complete.point, complete.free, None)[2]["intervals"] == "asymptotic"
-    _, quantile, description = choose_covariance(incomplete.point, incomplete.free, None)
-    assert (description["intervals"], quantile > 1.96) == ("robust", True)
+    complete, incomplete = (identify(simulate(seed=2, **settings), "riv") for settings in ({}, INCOMPLETE))
+    assert complete.diagnostics["movement_p"] > 0.01 > incomplete.diagnostics["movement_p"]
+    assert complete.diagnostics["intervals"] == "asymptotic"
+    (low, high), error = incomplete.intervals["B"], incomplete.diagnostics["standard_errors"]["B"]
+    assert (incomplete.diagnostics["intervals"], (high - low) / (2 * error) > 2.0) == ("robust", True)
 
 
 def test_false_alarms():

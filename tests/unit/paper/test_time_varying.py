@@ -29,7 +29,7 @@ def make_estimate(offsets, places=PLACES, dimension="phase"):
     variables = {name: (dimension, truths[name] + offsets) for name in "KBG"}
     variables |= {f"{name}_{end}": variables[name] for name in "KBG" for end in ("low", "high")}
     torque = torque_dataset(np.arange(100) / 100, 100.0, **dict.fromkeys(("net", "intrinsic", "reflex"), np.zeros(100)))
-    return Estimate("riv-tv", torque, None, {}, {}, trajectories=xr.Dataset(variables, coords={dimension: places}))
+    return Estimate("riv-tv", torque, {}, {}, trajectories=xr.Dataset(variables, coords={dimension: places}))
 
 
 @pytest.mark.parametrize("shape", ["smooth", "square"])
@@ -76,7 +76,7 @@ def test_places_that_some_trials_do_not_identify_count_fewer_trials():
 
 def test_a_study_without_trajectories_is_refused(tmp_path):
     estimate = make_estimate(np.zeros(101))
-    constant = Estimate("riv", estimate.torque, None, {"K": 1.0}, {})
+    constant = Estimate("riv", estimate.torque, {"K": 1.0}, {})
     table = EstimateTable()
     table.add(constant, point="only", name="riv", number=0)
     table.write(tmp_path / "e.parquet")

@@ -4,15 +4,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ankleloop.joint.models import ResponseModel
 from ankleloop.plotting.recordings import model_figure, recordings_figure, residual_figure, spectra_figure
 from ankleloop.quantities import QUANTITIES
 
 
-def estimate(**diagnostics):
-    """Parameters of a joint, with the diagnostics of a method."""
+def estimate(predictor=None):
+    """Parameters of a joint, with the model of a method."""
     stiffness = {"K": 150.0, "B": 0.8, "I": 0.015}
     reflex = {"G": 10.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
-    return SimpleNamespace(method="riv", stiffness=stiffness, reflex=reflex, diagnostics=diagnostics)
+    return SimpleNamespace(method="riv", stiffness=stiffness, reflex=reflex, diagnostics={}, predictor=predictor)
 
 
 def legend(figure):
@@ -42,7 +43,7 @@ def test_parametric_models_have_a_gain_and_a_phase():
 
 def test_reflex_responses_begin_after_the_delay_of_their_estimate():
     """Methods with different delays are compared at the same time after the movement."""
-    slow = estimate(reflex_lags=np.arange(60) / 100, reflex_response=np.ones(60))
+    slow = estimate(ResponseModel(SimpleNamespace(identification_rate=100.0), np.ones(9), np.ones(60)))
     slow.reflex["delay"] = 0.07
     figure = model_figure({"riv": slow, "PI-MOESP": estimate()})
     reflex = figure.axes[3]

@@ -174,7 +174,7 @@ def whole(tmp_path_factory):
     trial, rng = simulate(seed=1, duration=2.0), np.random.default_rng(0)
     torques = dict(zip(("net", "intrinsic", "reflex"), rng.standard_normal((3, 50)), strict=True))
     torque = torque_dataset(np.arange(50) / 100.0, 100.0, **torques)
-    estimate = Estimate("riv", torque, None, {"K": 150.0}, {"delay": 0.04})
+    estimate = Estimate("riv", torque, {"K": 150.0}, {"delay": 0.04})
     save_trial(trial, folder / "trial.nc")
     save_trials([trial, trial], folder / "trials.nc", [("a", 0), ("a", 1)])
     save_estimate(estimate, folder / "estimate.nc")

@@ -44,6 +44,12 @@ class Alternative:
     shifts: dict[str, float]  # how far K, B, I and G move with it, over what they are without it
 
     @property
+    def text(self) -> str:
+        """The effect in words."""
+        size = FACTORS.get(self.effect, 1.0) * (abs(self.value) if self.effect == "lag" else self.value)
+        return EFFECTS[self.effect][0].format(size, "after" if self.value > 0.0 else "before")
+
+    @property
     def significant(self) -> bool:
         """Whether the record shows an effect that an instrument or a joint can have."""
         return (self.score if self.effect in ONE_SIDED else abs(self.score)) > SIGNIFICANT
@@ -67,18 +73,13 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
     for name in shown[0].shifts.keys() & estimate.intervals.keys():
         (low, high), moved = estimate.intervals[name], values[name] * (1.0 + shown[0].shifts[name])
         estimate.intervals[name] = min(low, moved), max(high, moved)
-    sizes = [FACTORS.get(a.effect, 1.0) * (abs(a.value) if a.effect == "lag" else a.value) for a in shown]
-    order = ["after" if a.value > 0.0 else "before" for a in shown]
-    texts = [EFFECTS[a.effect][0].format(*said) for a, *said in zip(shown, sizes, order, strict=True)]
-    rows = [{"effect": text, "score": a.score, "shifts": a.shifts} for text, a in zip(texts, shown, strict=True)]
-    estimate.diagnostics["alternatives"] = rows
+    estimate.diagnostics["alternatives"] = [{"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown]
     least, most = QUANTITIES["delay"].plausible
-    wrong_delay = [a.effect == "delay" and not least < a.value < most for a in shown]
-    for text, a, wrong in zip(texts, shown, wrong_delay, strict=True):
-        if wrong or a.largest_shift > LARGEST_SHIFT:
+    for a in shown:
+        if a.largest_shift > LARGEST_SHIFT or (a.effect == "delay" and not least < a.value < most):
             estimate.diagnostics["warnings"].append(
-                f"the model lacks something that depends on the movement. {text[0].upper()}{text[1:]} explains much "
-                f"of it and moves {format_shifts(a.shifts)}: {EFFECTS[a.effect][1]}."
+                f"the model lacks something that depends on the movement. {a.text[0].upper()}{a.text[1:]} explains "
+                f"much of it and moves {format_shifts(a.shifts)}: {EFFECTS[a.effect][1]}."
             )
             break
     return estimate
@@ -127,23 +128,24 @@ def _free_effect(effect: str, solution: Search) -> Alternative:
     return replace(found, value=value, shifts=compute_shifts(solution.point.values, freed.point.values))
 
 
-def _rows(effect: str, point: Point, origin: Equations) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the torque with respect to the size of an effect, by the measured and by the predicted inputs."""
+def _rows(effect: str, point: Point, origin: Equations) -> np.ndarray:
+    """Derivatives of the torque with respect to the size of an effect, by the measured and by the predicted inputs.
+
+    Shapes: returns (2, F).
+    """
     e, band, s = point.equations, origin.band, origin.band.s
     predicted = point.parameters.linear @ point.instruments[: point.parameters.linear.size]
     if effect == "lag":
-        return -s * e.torque, -s * predicted
+        return -s * np.stack([e.torque, predicted])
     if effect == "high-pass":
-        return -origin.torque / s, -predicted / s
+        return -np.stack([origin.torque, predicted]) / s
     if effect == "compression":
-        torques = e.regressors.torque - e.regressors.torque.mean(), band.signals(predicted)
-        return -band.transform(torques[0] ** 2 * torques[0]), -band.transform(torques[1] ** 2 * torques[1])
+        torques = np.stack([e.regressors.torque - e.regressors.torque.mean(), band.signals(predicted)])
+        return -band.transform(torques**2 * torques)
     if effect == "friction":
-        velocities = e.regressors.inputs[:, 1], e.predicted_inputs[:, 1]
-        return band.transform(np.sign(velocities[0])), band.transform(np.sign(velocities[1]))
-    response, late = point.parameters.responses(s)[0], np.exp(-s * e.delay)
-    drives = e.measured[MOTION] - late * e.measured[1], e.predicted[MOTION] - late * e.predicted[1]
-    return response * drives[0], response * drives[1]
+        return band.transform(np.sign([e.regressors.inputs[:, 1], e.predicted_inputs[:, 1]]))
+    velocities, drives = np.stack([e.measured, e.predicted], axis=1)[[1, MOTION]]
+    return point.parameters.responses(s)[0] * (drives - np.exp(-s * e.delay) * velocities)
 
 
 def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tuple[float, float]:

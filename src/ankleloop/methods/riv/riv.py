@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from scipy import special
@@ -118,19 +118,21 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
     """Torques, physical parameters, and their intervals where the search has converged."""
     point, regressors = solution.point, solution.equations.regressors
     parameters, values = point.parameters, point.values
-    errors: dict[str, float] = {}
-    intervals: dict[str, tuple[float, float]] = {}
-    description: dict[str, Any] = {"intervals": None}
+    deviations: dict[str, float] = {}
+    kind, quantile, p = None, TWO_SIDED, point.movement_p
     if solution.converged:
-        covariance, quantile, description = choose_covariance(point, solution.free, options.intervals)
+        kind = options.intervals or ("robust" if p < INCOMPLETE else "asymptotic")
+        covariance = point.covariance(solution.free)
+        if kind == "robust":
+            covariance, freedom = robust_covariance(point, solution.free)
+            quantile = float(special.stdtrit(freedom, 0.975))
         deviations = estimate_deviations(point, covariance, solution.free)
-        errors, intervals = estimate_intervals(values, deviations, quantile)
+    errors, intervals = estimate_intervals(values, deviations, quantile)
     inputs = ModelInputs.of(regressors, values["delay"])
     model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
     return Estimate(
         method="riv",
         torque=model.simulate(trial, inputs.regressors(trial) if parameters.delays else regressors),
-        matrices=model.matrices,
         stiffness={name: values.pop(name) for name in "KBI"},
         reflex=values,
         intervals=intervals,
@@ -141,7 +143,8 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
             "criterion_start": solution.path[0].merit(solution.free),
             "criterion": point.merit(solution.free),
             "reference": options.reference,
-            **description,
+            "intervals": kind,
+            "movement_p": p,
             "standard_errors": errors,
             "noise_frequency": solution.equations.band.frequency,
             "noise_spectrum": point.noise / solution.equations.band.density,
@@ -165,18 +168,6 @@ def _warnings(solution: Search) -> list[str]:
             "The record hardly shows some of the parameters."
         )
     return warnings
-
-
-def choose_covariance(point: Point, free: np.ndarray, kind: str | None) -> tuple[np.ndarray, float, dict[str, Any]]:
-    """Covariance of a kind, half of a 95 % interval over its standard error, and how it was computed, as diagnostics.
-
-    By default it is the robust one if the residual depends on the movement.
-    """
-    p = point.movement_p
-    if kind == "asymptotic" or (kind is None and p >= INCOMPLETE):
-        return point.covariance(free), TWO_SIDED, {"intervals": "asymptotic", "movement_p": p}
-    matrix, freedom = robust_covariance(point, free)
-    return matrix, float(special.stdtrit(freedom, 0.975)), {"intervals": "robust", "movement_p": p}
 
 
 def robust_covariance(point: Point, free: np.ndarray) -> tuple[np.ndarray, int]:

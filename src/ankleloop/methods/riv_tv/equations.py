@@ -1,19 +1,22 @@
-"""Equations of `riv-tv`: whitened regressors and instruments, less what repeats with the cycle."""
+"""Options of `riv-tv`, and its equations: whitened regressors and instruments, less what repeats with the cycle."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from pydantic import Field, field_validator, model_validator
 from scipy import linalg
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import Grid
-from ankleloop.joint.time_varying_course import Course, Splines
-from ankleloop.methods.riv.equations import Parameters
+from ankleloop.joint.time_varying_course import Splines, make_course
+from ankleloop.methods.method import NOMINAL_DELAY, RectifierOptions, RefinedOptions
+from ankleloop.methods.riv.equations import DELAY_LIMITS, Parameters
+from ankleloop.options import as_plain, option
 from ankleloop.signals.decimation import PASSBAND, decimate, decimation_margin
 from ankleloop.signals.spectra import pass_band, smooth
 
@@ -28,6 +31,45 @@ NOISE_SPLINES = 8  # of the level of the noise
 LOWEST_LEVEL = 0.05  # of the mean level of the noise
 POWER_FLOOR = 1e-10  # of the largest power of the noise
 CONSTANT = Splines(1, periodic=False, degree=0)
+Knots = Annotated[int, Field(ge=1, le=200)]
+
+
+class RivTvOptions(RefinedOptions, RectifierOptions):
+    """Options of refined instrumental variables for joints that change in time."""
+
+    delay: float | None = option(NOMINAL_DELAY, "reflex delay; null estimates it", unit="s", ge=0, le=1)
+    cycle_onsets: tuple[float, ...] | str | None = option(
+        None, "start of every cycle, and end of the last one; or the variable that holds the phase, 0 to 1", unit="s"
+    )
+    schedule: str | None = option(
+        None, "scheduling variable of the trial: K, B and G are functions of it; null without cycles: of time"
+    )
+    knots: tuple[Knots, Knots, Knots] = option((12, 8, 12), "numbers of splines of K, B and G; penalties smooth them")
+    inertia_knots: Knots = option(1, "number of splines of I, of a posture or a limb that changes; 1 for a constant")
+    interpolation: Literal["cubic", "constant"] = option(
+        "cubic", "cubic splines; or values that are constant over equal intervals, as of short segments"
+    )
+    torque_lag: float | None = option(
+        0.0, "lag of the torque channel behind the position; null estimates it", unit="s", ge=-0.05, le=0.05
+    )
+    rest_position: float | None = option(
+        None, "position at which the elastic torque is zero; null: the mean position", unit="rad", ge=-10, le=10
+    )
+
+    @field_validator("cycle_onsets", "knots", mode="before")
+    @classmethod
+    def _as_tuple(cls, values: Any) -> Any:
+        """Numbers come as lists from YAML, and as arrays from NumPy."""
+        values = np.asarray(values) if hasattr(values, "__array__") else values
+        return tuple(map(as_plain, values)) if isinstance(values, (list, tuple, np.ndarray)) else values
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.interpolation == "cubic" and (min(self.knots) < 4 or 1 < self.inertia_knots < 4):
+            raise ValueError(f"knots of cubic splines must be at least 4, got {self.knots} and {self.inertia_knots}.")
+        if self.cycle_onsets is not None and self.schedule is not None:
+            raise ValueError("cycle_onsets and schedule exclude each other: K, B and G are functions of one of them.")
+        return self
 
 
 @dataclass(eq=False)
@@ -44,9 +86,10 @@ class Motion:
 class Bases:
     """Splines of K, B, G and I; those of I are `CONSTANT` where it does not vary."""
 
-    def __init__(self, splines: Sequence[Splines]) -> None:
-        self.all = splines
-        k, b, g, i = (part.size for part in splines)
+    def __init__(self, options: RivTvOptions, *, periodic: bool) -> None:
+        k, b, g, i = counts = *options.knots, options.inertia_knots
+        degree = 3 if options.interpolation == "cubic" else 0
+        self.all = [CONSTANT if count == 1 else Splines(count, periodic, degree) for count in counts]
         self.names = "KBG" if i == 1 else "KBGI"  # of those that vary
         self.size = k + b + i + g  # number of linear parameters
         # Places of the coefficients of K, B, G and I among the linear parameters; those of G come last.
@@ -83,18 +126,12 @@ class TimeVaryingEquations:
     squares.
     """
 
-    def __init__(
-        self,
-        trial: PreparedTrial,
-        grid: Grid,
-        course: Course,
-        reference: str,
-        bases: Bases,
-        delay: float,
-        weighting: str,
-    ) -> None:
-        self.grid, self.course, self.reference_name = grid, course, reference
-        self.bases, self.weighting, self.rows = bases, weighting, course.rows
+    def __init__(self, trial: PreparedTrial, options: RivTvOptions) -> None:
+        delay, latest = (NOMINAL_DELAY, DELAY_LIMITS[1]) if options.delay is None else (options.delay, options.delay)
+        self.grid = grid = trial.grid(options.identification_rate, latest)
+        self.course = course = make_course(trial, grid, options.cycle_onsets, options.schedule)
+        self.bases = Bases(options, periodic=course.periodic)
+        self.options, self.rows = options, course.rows
         self.rate = trial.rate / grid.factor  # of the decimated samples [Hz]
         # Length of the padded records that are transformed, and the Laplace variable at their frequencies [rad/s].
         self.size = int(next_fast_len(grid.samples + round(PADDING * self.rate), real=True))
@@ -104,7 +141,7 @@ class TimeVaryingEquations:
         self.band = pass_band(samples, self.rate)
         self.resolution = max(RESOLUTION, FEWEST_BINS * self.rate / samples)
         # Variance of the smoothed spectrum over its square; zero for flat weights.
-        self.smoothing_variance = self.band.smoothing_variance(self.resolution) if weighting == "noise" else 0.0
+        self.smoothing_variance = self.band.smoothing_variance(self.resolution) if options.weighting == "noise" else 0.0
         self.inside = (self.frequency >= self.band.lowest) & (self.frequency <= self.band.highest)
         self.share = float(np.mean(self.inside))  # so many independent values a whitened sample has
         # Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count.
@@ -117,24 +154,25 @@ class TimeVaryingEquations:
         self._level_fit = linalg.pinv(self._level_splines, rtol=1e-6)
         self.position = trial.motion(grid)[0]
         self.slow = self.slow_part(self.position)
-        signal = trial.channel(reference, grid)
+        signal = trial.channel(options.reference, grid)
         self.reference = signal - self.slow_part(signal)  # less what repeats or changes slowly, shape (N,)
         torque = trial.channel("torque", grid)
         self.torque = self.spectra(torque - torque.mean())
-        k, b, self._gain, i = (splines(course.place).T for splines in bases.all)
-        # Weights of the splines of K, B, G and I in their means over the record.
-        self.mean_weights = [rows[:, self.rows].mean(axis=1) for rows in (k, b, self._gain, i)]
+        k, b, self._gain, i = (splines(course.place).T for splines in self.bases.all)
+        # Weights of the linear parameters in the means of K, B, I and G over the record, shape (4, parameters).
+        self.mean_weights = linalg.block_diag(*(rows[:, self.rows].mean(axis=1) for rows in (k, b, i, self._gain)))
         signals = np.stack([self.position - self.slow, *trial.motion(grid)[1:]])
         self.measured = Motion(signals, lambda delay: decimate(np.maximum(0.0, trial.velocity(delay)), *grid))
         self.predicted = self._predict()
-        for motion in {self.measured, self.predicted}:
+        self.motions = list(dict.fromkeys([self.measured, self.predicted]))
+        for motion in self.motions:
             position, velocity, acceleration = motion.signals
             motion.spectra = self.spectra(np.vstack([k * position, b * velocity, i * acceleration]))
         self.set_delay(delay)
 
     def _predict(self) -> Motion:
         """The motion that slow movement and reference explain; the measured one where the position is the reference."""
-        if self.reference_name == "position":
+        if self.options.reference == "position":
             return self.measured
         factor, samples = self.grid.factor, self.grid.samples
         perturbation = predict_perturbation(self.measured.signals[0], self.reference, self.rate)
@@ -174,23 +212,17 @@ class TimeVaryingEquations:
     def set_delay(self, delay: float) -> None:
         """Make the inputs of the reflex for a delay: one that acts behind the splines would move G over phase."""
         self.delay = delay
-        for motion in {self.measured, self.predicted}:
+        for motion in self.motions:
             motion.drive = self.spectra(self._gain * motion.rectify(delay))
 
     def means(self, linear: np.ndarray) -> dict[str, float]:
-        """Means of K, B, G and I over the record, of their coefficients."""
-        parts = zip("KBGI", self.mean_weights, self.bases.blocks, strict=True)
-        return {name: float(weights @ linear[block]) for name, weights, block in parts}
+        """Means of K, B, I and G over the record, of their coefficients."""
+        return dict(zip("KBIG", (self.mean_weights @ linear).tolist(), strict=True))
 
     def system(self, parameters: Parameters, whiten: Callable[[np.ndarray], np.ndarray]) -> WhitenedSystem:
         """System at some parameters, whitened by a function of `whitener`."""
-
-        def differentiate(motion: Motion) -> np.ndarray:
-            return whiten(parameters.differentiate(motion.spectra, motion.drive, self.s))
-
-        regressors = differentiate(self.measured)
-        instruments = regressors if self.predicted is self.measured else differentiate(self.predicted)
-        return WhitenedSystem(instruments, regressors, whiten(self.lead(parameters)))
+        rows = [whiten(parameters.differentiate(motion.spectra, motion.drive, self.s)) for motion in self.motions]
+        return WhitenedSystem(rows[-1], rows[0], whiten(self.lead(parameters)))
 
     def lead(self, parameters: Parameters) -> np.ndarray:
         """Transform of the torque, ahead by its lag."""
@@ -229,7 +261,7 @@ class TimeVaryingEquations:
         residual = self.lead(parameters) - parameters.torque(self.measured.spectra, self.measured.drive, self.s)
         noise = self._remove_repeated(residual)
         spectrum = self.spectrum(noise)
-        if self.weighting == "flat":
+        if self.options.weighting == "flat":
             return self.whitener(np.where(self.inside, 1.0 / np.sqrt(spectrum.mean()), 0.0))
         weight = 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum))
         weight = np.where(self.inside, weight, 0.0)

@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.time_varying_course import Splines, make_course, trajectory_dataset
-from ankleloop.methods.method import NOMINAL_DELAY, Method, RectifierOptions, RefinedOptions
+from ankleloop.joint.time_varying_course import trajectory_dataset
+from ankleloop.methods.method import Method
 from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
-from ankleloop.methods.riv.equations import DELAY_LIMITS
 from ankleloop.methods.riv.riv import estimate_intervals
-from ankleloop.methods.riv_tv.equations import CONSTANT, Bases, TimeVaryingEquations
+from ankleloop.methods.riv_tv.equations import RivTvOptions, TimeVaryingEquations
 from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
-from ankleloop.options import as_plain, option
 
-Knots = Annotated[int, Field(ge=1, le=200)]
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
 LOCKED = 0.3  # share of the perturbation that has to differ from cycle to cycle
@@ -33,44 +28,6 @@ SAME_PHASE = 0.9  # length of the mean of unit vectors
 SLOW, LATEST, LATER = 1.0, 1.0, 0.1  # Hz; s; what another time explains more of the movement
 FOLLOWED = 0.3  # of the slow movement, at least, by a schedule that it follows
 WEAK = 10.0  # statistic of weak instruments (Staiger and Stock 1997)
-
-
-class RivTvOptions(RefinedOptions, RectifierOptions):
-    """Options of refined instrumental variables for joints that change in time."""
-
-    delay: float | None = option(NOMINAL_DELAY, "reflex delay; null estimates it", unit="s", ge=0, le=1)
-    cycle_onsets: tuple[float, ...] | str | None = option(
-        None, "start of every cycle, and end of the last one; or the variable that holds the phase, 0 to 1", unit="s"
-    )
-    schedule: str | None = option(
-        None, "scheduling variable of the trial: K, B and G are functions of it; null without cycles: of time"
-    )
-    knots: tuple[Knots, Knots, Knots] = option((12, 8, 12), "numbers of splines of K, B and G; penalties smooth them")
-    inertia_knots: Knots = option(1, "number of splines of I, of a posture or a limb that changes; 1 for a constant")
-    interpolation: Literal["cubic", "constant"] = option(
-        "cubic", "cubic splines; or values that are constant over equal intervals, as of short segments"
-    )
-    torque_lag: float | None = option(
-        0.0, "lag of the torque channel behind the position; null estimates it", unit="s", ge=-0.05, le=0.05
-    )
-    rest_position: float | None = option(
-        None, "position at which the elastic torque is zero; null: the mean position", unit="rad", ge=-10, le=10
-    )
-
-    @field_validator("cycle_onsets", "knots", mode="before")
-    @classmethod
-    def _as_tuple(cls, values: Any) -> Any:
-        """Numbers come as lists from YAML, and as arrays from NumPy."""
-        values = np.asarray(values) if hasattr(values, "__array__") else values
-        return tuple(map(as_plain, values)) if isinstance(values, (list, tuple, np.ndarray)) else values
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.interpolation == "cubic" and (min(self.knots) < 4 or 1 < self.inertia_knots < 4):
-            raise ValueError(f"knots of cubic splines must be at least 4, got {self.knots} and {self.inertia_knots}.")
-        if self.cycle_onsets is not None and self.schedule is not None:
-            raise ValueError("cycle_onsets and schedule exclude each other: K, B and G are functions of one of them.")
-        return self
 
 
 def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
@@ -97,10 +54,8 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
         `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness`
         and `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: converged, cycles
         (or segments that count as independent), intervals (their kind), variation_p (probability of a variation
-        as large, were K, B or G constant), outside (share of the samples whose scheduling variable lies beyond its
-        fitted range, the 2nd to the 98th percentile; they count as its ends), excitation (information about each
-        trajectory over its mean, at the places of the trajectories), torque_lag, and alternatives as of
-        `ankleloop.methods.riv.riv.identify_riv`.
+        as large, were K, B or G constant), excitation (information about each trajectory over its mean, at its
+        places), torque_lag, and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
 
     References
     ----------
@@ -132,17 +87,10 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
 
 def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
     trial.check_variable(options.reference)
-    delay = NOMINAL_DELAY if options.delay is None else options.delay
-    grid = trial.grid(options.identification_rate, DELAY_LIMITS[1] if options.delay is None else delay)
-    course = make_course(trial, grid, options.cycle_onsets, options.schedule)
-    degree = 3 if options.interpolation == "cubic" else 0
-    counts = *options.knots, options.inertia_knots
-    bases = Bases([CONSTANT if count == 1 else Splines(count, course.periodic, degree) for count in counts])
-    equations = TimeVaryingEquations(trial, grid, course, options.reference, bases, delay, options.weighting)
-    if course.periodic:
+    equations = TimeVaryingEquations(trial, options)
+    if equations.course.periodic:
         _check_perturbation(equations)
-    unknowns = ("delay",) * (options.delay is None) + ("torque_lag",) * (options.torque_lag is None)
-    return solve_time_varying(equations, options.order, unknowns, options.torque_lag or 0.0)
+    return solve_time_varying(equations)
 
 
 def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> Estimate:
@@ -165,7 +113,6 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     return Estimate(
         method="riv-tv",
         torque=model.simulate(trial, equations.grid, course.place),
-        matrices=None,
         stiffness=means,
         reflex=reflex,
         intervals=intervals if solution.converged else {},
@@ -175,7 +122,6 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
             "variation_p": solution.variation_p,
-            "outside": course.outside,
             "excitation": excitation,
             "torque_lag": parameters.lag,
             "reference": options.reference,
@@ -227,8 +173,8 @@ def _check_perturbation(equations: TimeVaryingEquations) -> None:
     share = float(left / max(np.sum(1.0 - 1.0 / count[since]), 1.0) / np.mean(signal[rows] ** 2))
     if share < LOCKED:
         raise DataError(
-            f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {equations.reference_name} repeats with the cycle: "
-            "the perturbation is locked to it. Draw a new pseudorandom sequence for every cycle."
+            f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {equations.options.reference} repeats with the "
+            "cycle: the perturbation is locked to it. Draw a new pseudorandom sequence for every cycle."
         )
 
 

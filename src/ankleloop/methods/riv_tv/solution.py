@@ -73,7 +73,7 @@ class TimeVaryingSolution:
 
     @property
     def means(self) -> dict[str, float]:
-        """Means of K, B, G and I over the record."""
+        """Means of K, B, I and G over the record."""
         return self.equations.means(self.parameters.linear)
 
     @property
@@ -90,12 +90,10 @@ class TimeVaryingSolution:
 
     @property
     def deviations(self) -> dict[str, float]:
-        """Standard deviations of the means of K, B, G and I, and of the other unknowns."""
-        size = self.equations.bases.size
-        parts = zip("KBGI", self.equations.mean_weights, self.equations.bases.blocks, strict=True)
-        means = {name: float(self._deviate(weights, block)) for name, weights, block in parts}
-        others = np.sqrt(np.diag(self.covariance)[size:]).tolist()
-        return means | dict(zip(self.parameters.unknowns, others, strict=True))
+        """Standard deviations of the means of K, B, I and G, and of the other unknowns."""
+        size, names = self.equations.bases.size, (*"KBIG", *self.parameters.unknowns)
+        means, others = self._deviate(self.equations.mean_weights, slice(size)), np.diag(self.covariance)[size:]
+        return dict(zip(names, [*means.tolist(), *np.sqrt(others).tolist()], strict=True))
 
     def _deviate(self, weights: np.ndarray, block: slice) -> np.ndarray:
         """Standard deviations of weighted sums of the parameters of a block, shapes (..., parameters) and (...)."""
@@ -167,8 +165,7 @@ class TimeVaryingSolution:
             step = left / (instrument @ regressor)
             moved = -step * (self._inverse @ (system.instruments @ regressor))
             shifts = compute_shifts(self.means, e.means(linear + moved[: linear.size]))
-            value = self.delay + step if effect == "delay" else step
-            alternatives.append(Alternative(effect, float(value), float(score), shifts))
+            alternatives.append(Alternative(effect, float(step), float(score), shifts))
         return alternatives
 
     def _respond(self, effect: str, motion: Motion, torque: np.ndarray) -> np.ndarray:
@@ -190,16 +187,16 @@ class TimeVaryingSolution:
         return response * (e.spectra(motion.rectify(e.delay)) - late * e.spectra(velocity))
 
 
-def solve_time_varying(
-    equations: TimeVaryingEquations, order: int, delays: tuple[str, ...], lag: float
-) -> TimeVaryingSolution:
+def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
     """Solve the equations, from the best of a grid of dynamics for constant parameters.
 
     A round solves the linear equations with weights and instruments of the point where it begins, chooses the
     penalties (`choose_penalties`), makes a step of the dynamics and of the delays, and renews the weights.
     """
-    linear, dynamics = _fit_constants(equations, order)
-    parameters = Parameters(linear, dynamics, lag=lag, delays=delays)
+    options = equations.options
+    linear, dynamics = _fit_constants(equations)
+    delays = ("delay",) * (options.delay is None) + ("torque_lag",) * (options.torque_lag is None)
+    parameters = Parameters(linear, dynamics, lag=options.torque_lag or 0.0, delays=delays)
     largest = np.array([LARGEST_STEPS[name] for name in parameters.unknowns])
     converged, penalties = False, np.zeros(0)
     for count in range(1, MOST_ROUNDS + 1):
@@ -223,22 +220,19 @@ def solve_time_varying(
     return TimeVaryingSolution(equations, parameters, system, penalty, variance, count, converged)
 
 
-def _fit_constants(equations: TimeVaryingEquations, order: int) -> tuple[np.ndarray, ReflexDynamics]:
+def _fit_constants(equations: TimeVaryingEquations) -> tuple[np.ndarray, ReflexDynamics]:
     """Linear parameters that are constant, by the predicted inputs, and the best dynamics of a grid."""
     predicted, inside, (k, b, g, i) = equations.predicted, equations.inside, equations.bases.blocks
     motion = [predicted.spectra[block].sum(axis=0) for block in (k, b, i)]
     inputs = np.stack([*motion, predicted.drive.sum(axis=0)])[:, inside]
-    s, target, grid = equations.s[inside], equations.torque[inside], ReflexDynamics.grid(order)
+    s, target, grid = equations.s[inside], equations.torque[inside], ReflexDynamics.grid(equations.options.order)
     width, noise = equations.resolution * equations.size / equations.rate, np.ones(target.size)
     responses = respond(grid, s)
     for _ in range(2):
         values, best, residual = fit_grid(inputs, target, responses, np.ones((1, s.size)), noise)
         noise = smooth(np.abs(residual) ** 2, width)
         noise = np.maximum(noise, 1e-10 * noise.max())
-    linear = np.empty(equations.bases.size)
-    for block, value in zip((k, b, i, g), values, strict=True):
-        linear[block] = value
-    return linear, grid[best]
+    return np.repeat(values, [block.stop - block.start for block in (k, b, i, g)]), grid[best]
 
 
 def choose_penalties(
@@ -265,7 +259,7 @@ def choose_penalties(
         solution = solve_scaled(system.normal + penalty, system.side)
         residual = system.torque - solution @ system.regressors
         variance = float(residual @ residual / max(freedom, 1.0))
-        if step == 0 and equations.weighting == "flat":
+        if step == 0 and equations.options.weighting == "flat":
             instruments = system.instruments[: bases.size]
             coloured = equations.colour(instruments, system.residual(solution[: bases.size]))
             factors = np.array([np.sum(coloured[block] ** 2) / np.sum(instruments[block] ** 2) for _, block in parts])
