@@ -102,12 +102,6 @@ def reason_against(
     return None
 
 
-def caution(method: str, loop: str, reference: bool) -> str:
-    """What to bear in mind about a method that is valid for a recording; empty if there is nothing."""
-    validity = VALIDITY[method]
-    return validity.closed_caution if loop != "open" and reference else validity.open_caution
-
-
 def usual_methods(*, reference: bool, changing: bool = False) -> dict[str, dict[str, Any]]:
     """Methods with labels and options that suit a minute of a recording at the ankle.
 

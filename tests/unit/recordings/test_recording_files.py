@@ -3,11 +3,12 @@ import pandas as pd
 import pytest
 
 import ankleloop
+from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.files import (
-    analyse_files,
     export_estimate,
     export_estimates,
     load_recording,
+    refuse_recording,
     tabulate_analysis,
 )
 
@@ -43,8 +44,7 @@ def test_recording_is_read_by_its_mapping(path, simulated):
 
 
 def test_analysis_has_a_table_and_exports(path, tmp_path):
-    trials, analysis = analyse_files([path], [MAPPING], METHODS)
-    assert len(trials) == 1
+    analysis = analyse(load_recording(path, MAPPING), METHODS)
     table = tabulate_analysis("A1", MAPPING, analysis, {"PR-MOESP": "pr-moesp-position"})
     assert list(table.columns[:4]) == ["recording", "subject", "condition", "trial"]
     assert table.iloc[0, :4].tolist() == ["A1", "S1", "rest", 2]
@@ -57,8 +57,7 @@ def test_analysis_has_a_table_and_exports(path, tmp_path):
 
 
 def test_estimates_of_merged_trials_are_numbered(path, tmp_path):
-    halves = [{**MAPPING, "stop": 6.0}, {**MAPPING, "start": 6.0}]
-    _, analysis = analyse_files([path, path], halves, METHODS)
+    analysis = analyse([load_recording(path, MAPPING | half) for half in ({"stop": 6.0}, {"start": 6.0})], METHODS)
     export_estimates({"pr-moesp": analysis.records["PR-MOESP"]}, tmp_path / "M1")
     assert {file.stem for file in (tmp_path / "M1").iterdir()} == {"pr-moesp-1", "pr-moesp-2"}
 
@@ -68,8 +67,9 @@ def test_unusable_file_is_refused_with_its_reason(path, tmp_path):
     table.loc[777, "moment"] = np.nan
     table.to_csv(tmp_path / "gap.csv", index=False)
     for name, reason in (("gap.csv", "777"), ("nowhere.csv", "nowhere.csv: there is no such file")):
-        trials, analysis = analyse_files([tmp_path / name], [MAPPING], METHODS)
-        assert trials == []
+        with pytest.raises(ankleloop.DataError) as error:
+            load_recording(tmp_path / name, MAPPING)
+        analysis = refuse_recording(error.value)
         assert analysis.check.verdict == "refused"
         assert analysis.estimates == {}
         row = tabulate_analysis("A2", MAPPING, analysis, {"PR-MOESP": "pr-moesp"}).iloc[0]
