@@ -48,7 +48,7 @@ class Study:
         words = re.sub("[_-]+", " ", name).strip()
         self.title: str = settings.title or words[:1].upper() + words[1:]  # heading of its report
         self.labels = {name: method.label or name for name, method in self.methods.items()}  # for legends
-        names = NOTEBOOKS[settings.notebook] if settings.notebook else ()
+        names = NOTEBOOKS[settings.notebook].figures if settings.notebook else ()
         has_singular_values = any(method.method.endswith("moesp") for method in self.methods.values())
         self.figures = tuple(name for name in names if name != "order" or has_singular_values)
 
@@ -101,24 +101,22 @@ class SimulatedStudy(Study):
 
     def identification(self, chunk: int) -> dict[str, Any]:
         """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
-        return {**self._identification(self.chunks[chunk]), "settings": self.hashes[chunk]}
-
-    def _identification(self, parts: Chunk) -> dict[str, Any]:
-        conditions = {}
+        conditions, parts = {}, self.chunks[chunk]
         for condition, first, stop in parts:
             points = {p.name: {"values": p.values, "options": p.options} for p in self._points_of[condition]}
             conditions[condition] = {"first": first, "stop": stop, "points": points}
-        return {
+        arguments = {
             "conditions": conditions,
             "methods": self.identified_methods,
             "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
             **self.settings.model_dump(include={"against", "precision"}),
         }
+        return {**arguments, "settings": _hash(self.name, self.simulation(parts), arguments)}
 
     @cached_property
     def hashes(self) -> list[str]:
         """Hash of the settings that make the table of each chunk."""
-        return [_hash(self.name, self.simulation(chunk), self._identification(chunk)) for chunk in self.chunks]
+        return [self.identification(chunk)["settings"] for chunk in range(len(self.chunks))]
 
     @property
     def hash(self) -> str:
