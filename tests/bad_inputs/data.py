@@ -7,7 +7,7 @@ import xarray as xr
 
 from ankleloop import check_trial, identify, new_trial
 from ankleloop.errors import DataError
-from ankleloop.signals.decimation import lowpass
+from ankleloop.signals.decimation import decimation_taps
 from bad_inputs.bad_input import rows_of
 from bad_inputs.inputs import changed, simulated_trial
 
@@ -82,7 +82,9 @@ def drift(signal: np.ndarray) -> np.ndarray:
 TURNED = record(lambda x: {"torque": -x["torque"]})
 EXCHANGED = record(lambda x: {"position": x["reference"], "reference": x["position"]})
 # The reference is the torque through the low-pass of an amplifier, in other units.
-FILTERED = record(lambda x: {"reference": 0.005 * lowpass(x["torque"], 50)})
+FILTERED = record(
+    lambda x: {"reference": 0.005 * np.convolve(x["torque"] - x["torque"].mean(), decimation_taps(50, 0)[0], "same")}
+)
 
 identified = rows_of(warnings_or_refusal, error=None)
 checked = rows_of(lambda trial: check_trial(trial).reasons, error=None)
