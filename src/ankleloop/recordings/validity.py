@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from ankleloop.methods.registry import METHODS
 
@@ -20,8 +19,7 @@ SUBSPACE_POLES = (
 WHITE_NOISE = "it assumes white noise: voluntary torque biases its poles, and with them K, B and I."
 
 
-@dataclass(frozen=True)
-class Validity:
+class Validity(NamedTuple):
     """Where a method is valid. In open loop with a reference every method is, if its paths need not be uncorrelated."""
 
     closed: Mapping[str, Any] | None  # options that make it valid in closed loop; None where nothing does

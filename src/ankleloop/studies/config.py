@@ -8,10 +8,8 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from functools import reduce
-from operator import or_
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, Union
 
 from pydantic import Field, StringConstraints, WithJsonSchema, create_model, model_validator
 
@@ -71,7 +69,7 @@ class MethodSettings(Options):
 
     @model_validator(mode="after")
     def _check_candidates(self) -> Self:
-        options = {name: getattr(self.options, name) for name in self.options.model_fields_set}
+        options = self.options.model_dump(exclude_unset=True)
         try:
             check_selection(f"method {self.method!r}", type(self.options), options, self.select, self.criterion)
         except TypeError as error:  # pydantic names the place of a ValueError only
@@ -106,7 +104,7 @@ def _union_of_methods() -> Any:
         )
         for options, members in names.items()
     ]
-    return Annotated[reduce(or_, models), Field(discriminator="method")]
+    return Annotated[Union[tuple(models)], Field(discriminator="method")]  # noqa: UP007 # of a list
 
 
 if TYPE_CHECKING:

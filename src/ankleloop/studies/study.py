@@ -67,6 +67,8 @@ class SimulatedStudy(Study):
         super().__init__(name, settings)
         points = list_points(name, settings.points, settings.simulation, settings.methods)
         self.point_list, self.conditions, self.parameters = points
+        conditions = self.conditions.items()
+        self._samples = {name: round(part["duration"] * part["recording_rate"]) for name, part in conditions}
         self.varied = list(self.parameters)
         # All settings and varied options of each point.
         self.points = {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
@@ -125,7 +127,7 @@ class SimulatedStudy(Study):
 
     def simulation_seconds(self, parts: Chunk) -> float:
         """Time of a job that simulates a chunk [s]."""
-        return START_SECONDS + sum((stop - first) * simulation_seconds(self._samples(c)) for c, first, stop in parts)
+        return START_SECONDS + sum((stop - first) * simulation_seconds(self._samples[c]) for c, first, stop in parts)
 
     def identification_seconds(self, parts: Chunk) -> float:
         """Time of a job that identifies a chunk, and simulates it where no trials are kept [s]."""
@@ -141,13 +143,9 @@ class SimulatedStudy(Study):
             parts.append((None if self.settings.keep == "scores" else label, trials))
         return parts
 
-    def _samples(self, condition: str) -> int:
-        settings = self.conditions[condition]
-        return round(settings["duration"] * settings["recording_rate"])
-
     def _simulation_cost(self, condition: str) -> float:
         """Time in which a trial is simulated, or more where a trial file would become too large [s]."""
-        samples = self._samples(condition)
+        samples = self._samples[condition]
         return max(simulation_seconds(samples), self._job_seconds * samples / MAX_SAMPLES)
 
     def _cost(self, condition: str) -> float:
@@ -156,7 +154,7 @@ class SimulatedStudy(Study):
         Options that vary count by their number and not by their values: an edited value must not move other trials to
         other chunks.
         """
-        points, samples = self._points_of[condition], self._samples(condition)
+        points, samples = self._points_of[condition], self._samples[condition]
         counts = {name: len({tuple(p.options.get(name, {}).items()) for p in points}) for name in self.methods}
         methods = [self.identified_methods[name] for name, count in counts.items() for _ in range(count)]
         cost = identification_seconds(samples, methods, self.conditions[condition]["recording_rate"])

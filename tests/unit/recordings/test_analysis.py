@@ -215,8 +215,7 @@ def test_real_recordings(recording, net):
     example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
     study = read_studies(example)[1]["recordings"]
     mapping = study.chunks[0][recording]
-    (part,) = mapping["parts"]
-    (path,) = mapping["paths"]
+    (path,), (part,) = mapping["paths"], mapping["parts"]
     turned = analyse(load_recording(path, part | {"torque_sign": 1}), {})
     assert [finding.name for finding in turned.check.findings if finding.verdict == "refused"] == ["sign of the torque"]
     trial = load_recording(path, part)

@@ -115,9 +115,7 @@ def test_files_are_analysed_over_their_scheduling_variable(tmp_path):
     mapping = Recording(
         file="a.nc", reference="reference", variables={"level": "schedule"}, schedule="level"
     ).model_dump()
-    loaded = load_recording(tmp_path / "a.nc", mapping)
-    result = analyse(loaded, add_course(METHODS, mapping))
-    assert "level" in loaded
+    result = analyse(load_recording(tmp_path / "a.nc", mapping), add_course(METHODS, mapping))
     assert list(result.estimates["changing"].trajectories.sizes) == ["schedule"]
     assert describe_variations(result)["changing"].startswith("K, B or G change with the scheduling variable")
 

@@ -118,9 +118,8 @@ def test_a_killed_process_stops_the_job(run_job, monkeypatch):
 
 @pytest.mark.usefixtures("no_pages")
 def test_mistakes_in_the_program_stop_the_job(run_job, monkeypatch):
-    monkeypatch.setattr(
-        job_of_recordings, "analyse", fail_on_bad(job_of_recordings.analyse, TypeError("no such option"))
-    )
+    change = fail_on_bad(job_of_recordings.analyse, TypeError("no such option"))
+    monkeypatch.setattr(job_of_recordings, "analyse", change)
     message = (
         r"rule recordings, study laboratory, chunk 0; recording bad, .*bad\.nc: TypeError: no such option \(The log"
     )
