@@ -87,7 +87,8 @@ def drift(signal: np.ndarray) -> np.ndarray:
 TURNED = record(lambda x: {"torque": -x["torque"]})
 EXCHANGED = record(lambda x: {"position": x["reference"], "reference": x["position"]})
 # The reference is the torque through the low-pass of an amplifier, in other units.
-FILTERED = record(lambda x: {"reference": 0.005 * lowpass(x["torque"], 50)})
+FILTER = 0.005 * decimation_taps(50, 0)[0]
+FILTERED = record(lambda x: {"reference": np.convolve(x["torque"] - np.mean(x["torque"]), FILTER, "same")})
 
 identified = rows_of(warnings_or_refusal, error=None)
 checked = rows_of(lambda trial: check_trial(trial).reasons, error=None)

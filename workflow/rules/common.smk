@@ -63,7 +63,7 @@ SMALL = {name for name, study in SIMULATED.items() if study.rows <= MOST_TEXT_RO
 wildcard_constraints:
     study=alternatives(STUDIES),
     chunk=r"\d+",
-    figure=alternatives({name for names in NOTEBOOKS.values() for name in names}),
+    figure=alternatives({name for book in NOTEBOOKS.values() for name in book.figures}),
 
 
 def library(*paths):

@@ -18,10 +18,10 @@ with running(snakemake):
     points, tables = snakemake.params.points, []
     # Rule `publish` copies the pages to results/reports/{study}.
     results = analyse_recordings(points, snakemake.params.methods, folder, window, index="../../index.html")
-    for name, table, refusals in results:
+    for name, table in results:
         tables.append(table)
         log.info("analysed %d of %d", len(tables), len(points))
-        for text in refusals:
-            print(f"{name} refused: {text}", file=sys.stderr)
+        if table["verdict"].iloc[0] == "refused":
+            print(f"{name} refused: {table['reasons'].iloc[0]}", file=sys.stderr)
     rows = pa.Table.from_pandas(pd.concat(tables, ignore_index=True).replace("", None), preserve_index=False)
     save_table(rows, snakemake.output.table, snakemake.params.settings)

@@ -87,7 +87,7 @@ def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
     folder.mkdir(parents=True, exist_ok=True)
     # In the same folder, so that what is complete only takes its name there.
     with tempfile.TemporaryDirectory(prefix=".ankleloop-", dir=folder) as temporary:
-        ((_, table, _),) = analyse_recordings(study.chunks[0], study.analysed_methods, Path(temporary), window)
+        ((_, table),) = analyse_recordings(study.chunks[0], study.analysed_methods, Path(temporary), window)
         write_csv(table, Path(temporary, f"{name}-parameters.csv"))
         for earlier in (folder / name).glob("*"):
             if earlier.suffix in SUFFIXES and (earlier.stem in METHODS or earlier.stem.startswith("figure-")):

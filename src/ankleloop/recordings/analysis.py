@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -17,12 +18,13 @@ from ankleloop.assessment.scores import evaluate, parameter_row
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import TORQUES
+from ankleloop.joint.regressors import MEASURED, TORQUES
+from ankleloop.methods.method import Trial
 from ankleloop.methods.registry import find_method, identify
 from ankleloop.methods.riv.alternatives import compute_shifts, format_shifts
 from ankleloop.methods.selection import check_selection
 from ankleloop.recordings.checks import Check, check_trial
-from ankleloop.recordings.validity import caution, reason_against
+from ankleloop.recordings.validity import VALIDITY, reason_against
 from ankleloop.signals.sampling import match_times
 from ankleloop.trials.trial import segment
 
@@ -35,18 +37,7 @@ OTHER_DELAY = 0.01  # s
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueResidual:
-    """Torque of a trial, and what a model leaves of it."""
-
-    time: np.ndarray  # shape (N,): time in the trial [s]
-    measured: np.ndarray  # shape (N,): measured torque [N·m]
-    residual: np.ndarray  # shape (N,): measured less predicted torque [N·m]
-    rate: float  # sampling rate [Hz]
-
-
-@dataclass(frozen=True)
-class VafDifference:
+class VafDifference(NamedTuple):
     """Difference of two VAFs on the same unseen data."""
 
     difference: float  # VAF of the first method less that of the second [points]
@@ -71,8 +62,8 @@ class Analysis:
     # with the kind of their `intervals` (parameters of a method with a warning have none), tests of the residual. One
     # row without a method if the recording was refused.
     table: pd.DataFrame = field(repr=False)
-    # By the label of the method what its fit to the first half leaves of the second.
-    unseen: dict[str, list[TorqueResidual]] = field(default_factory=dict, repr=False)
+    # By the label of the method the torques of the second half: measured, and predicted by the fit to the first half.
+    unseen: dict[str, list[xr.Dataset]] = field(default_factory=dict, repr=False)
 
     @property
     def estimates(self) -> dict[str, Estimate]:
@@ -80,12 +71,7 @@ class Analysis:
         return {label: estimates[0] for label, estimates in self.records.items()}
 
 
-def analyse(
-    trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial],
-    methods: Mapping[str, Mapping[str, Any]],
-    *,
-    reference: str = "reference",
-) -> Analysis:
+def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, Any]]) -> Analysis:
     """Check a recording, and fit every method that is valid for it.
 
     Each method is fitted to the first half and scored on the second, if the half is long enough; options to be selected
@@ -99,8 +85,6 @@ def analyse(
         The recording. Several short trials are merged into one identification; their halves are halves of the list.
     methods : dict of str to dict
         For each label the `method`, its `options`, and options to `select` by a `criterion`.
-    reference : str
-        Variable that serves as reference.
 
     Returns
     -------
@@ -120,16 +104,16 @@ def analyse(
     >>> analysis.table[["label", "valid"]].values.tolist()
     [['riv', True], ['PI-MOESP', False]]
     """
-    trials = [trial] if isinstance(trial, (xr.Dataset, PreparedTrial)) else list(trial)
+    parts: Any = trial if isinstance(trial, (list, tuple)) else [trial]
+    trials = [prepare(part) for part in parts]
     methods = {label: {**DEFAULTS, **specification} for label, specification in methods.items()}
     for specification in methods.values():  # wrong options are refused before anything is fitted
         options, select, criterion = (specification[name] for name in DEFAULTS)
         entry = find_method(specification["method"])
         check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
-    check = check_trial(trials, reference=reference, **largest_options(methods))
+    check = check_trial(trials, **largest_options(methods))
     if check.verdict == "refused":
         return refused_analysis(check)
-    prepared = [prepare(part) for part in trials]
     analysis, rows = Analysis(check, {}, {}, pd.DataFrame()), []
     for number, (label, specification) in enumerate(methods.items(), start=1):
         log.info("method %d of %d: %s", number, len(methods), label)
@@ -137,9 +121,10 @@ def analyse(
         row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": method, "valid": True}
         rows.append(row)
         try:
-            estimates, unseen, scores = _fit(prepared, check, specification)
-            test = _test_residual(prepared, estimates, check.instrumental, reference)
-            row |= scores | _describe_estimate(prepared, check, specification, estimates[0], test)
+            estimates, unseen, scores = _fit(trials, check, specification)
+            test = _test_residual(trials, estimates, check.instrumental)
+            description = _describe_estimate(check, method, trials[0], estimates[0], test)
+            row |= scores | description | {"assumptions": _list_assumptions(trials, specification, estimates[0])}
             analysis.records[label], analysis.residuals[label] = estimates, test
             if unseen:
                 analysis.unseen[label] = unseen
@@ -174,15 +159,15 @@ def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
 
 def _fit(
     trials: list[PreparedTrial], check: Check, specification: Mapping[str, Any]
-) -> tuple[list[Estimate], list[TorqueResidual], dict[str, Any]]:
-    """Estimates of the whole, what the fit to one half leaves of the other, and the scores of both."""
+) -> tuple[list[Estimate], list[xr.Dataset], dict[str, Any]]:
+    """Estimates of the whole, torques of one half that the fit to the other predicts, and the scores of both."""
     method, options, select = specification["method"], specification["options"], specification["select"] or None
     merged = len(trials) > 1
     if reason := reason_against(method, options, check.loop, check.reference, check.path_bias, merged=merged):
         raise DataError(reason)
     first, second = _split_halves(trials)
     scores: dict[str, Any] = {"vaf_unseen": np.nan, "selected": ""}
-    unseen: list[TorqueResidual] = []
+    unseen: list[xr.Dataset] = []
     chosen: dict[str, Any] = {}
     try:
         half = _identify(first, method, select=select, criterion=specification["criterion"], **options)[0]
@@ -192,10 +177,10 @@ def _fit(
         if half.trajectories is not None and "time" in half.trajectories.sizes:
             raise DataError("the parameters are functions of time, and were fitted before the times of the other half.")
         # Cycles of the other half begin at onsets of the whole recording.
-        onsets = {} if options.get("cycle_onsets") is None else {"cycle_onsets": options["cycle_onsets"]}
-        predictions = [half.predict(part, **onsets) for part in second]
+        predictions = [half.predict(part, cycle_onsets=options.get("cycle_onsets")) for part in second]
         scores |= _score(second, predictions, {"net": "vaf_unseen"})
-        unseen = [torque_residual(*pair, trim=TRIM) for pair in zip(second, predictions, strict=True)]
+        torques = (prediction.torque for prediction in predictions)
+        unseen = [torque.sel(time=slice(torque["time"][0] + TRIM, torque["time"][-1] - TRIM)) for torque in torques]
     except DataError as error:
         if select and not chosen:  # without a choice there are no options to fit the whole with
             raise
@@ -209,10 +194,9 @@ def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], lis
     if len(trials) > 1:
         middle = (len(trials) + 1) // 2
         return trials[:middle], trials[middle:]
-    time, rate = trials[0].samples("time"), trials[0].rate
-    halfway = 0.5 * (time[0] + time[-1])
-    ends = (time[0], halfway), (halfway, time[-1] + 1.0 / rate)
-    first, second = (prepare(segment(trials[0].trial, start, stop)) for start, stop in ends)
+    time = trials[0].samples("time")
+    edges = time[0], 0.5 * (time[0] + time[-1]), time[-1] + 1.0
+    first, second = (prepare(segment(trials[0].trial, *ends)) for ends in pairwise(edges))
     return [first], [second]
 
 
@@ -233,77 +217,64 @@ def _score(trials: list[PreparedTrial], estimates: list[Estimate], columns: Mapp
     return scores
 
 
-def _test_residual(
-    trials: list[PreparedTrial], estimates: list[Estimate], instrumental: bool, reference: str
-) -> ResidualTest:
+def _test_residual(trials: list[PreparedTrial], estimates: list[Estimate], instrumental: bool) -> ResidualTest:
     """Test the residual of the longest trial.
 
     It is tested against the position, or unless the loop is open against what the reference explains of it.
     """
     trial, estimate = max(zip(trials, estimates, strict=True), key=lambda pair: pair[0].samples("time").size)
-    part = torque_residual(trial, estimate)
+    torque, time = estimate.torque, estimate.torque["time"].values
+    residual, rate = (torque[MEASURED] - torque["net"]).values, torque.attrs["identification_rate"]
     if not instrumental:
-        return residual_test(part.residual, trial.channel_at("position", part.time, part.rate), part.rate)
+        return residual_test(residual, trial.channel_at("position", time, rate), rate)
     regressors = trial.regressors(
-        delay=estimate.reflex["delay"], basis="rectifier", identification_rate=part.rate, reference=reference
+        delay=estimate.reflex["delay"], basis="rectifier", identification_rate=rate, reference="reference"
     )
-    rows, common = match_times(regressors.time, part.time)
-    return residual_test(part.residual[common], trial.predict_inputs(regressors)[rows, 0], part.rate)
+    rows, common = match_times(regressors.time, time)
+    return residual_test(residual[common], trial.predict_inputs(regressors)[rows, 0], rate)
 
 
 def _describe_estimate(
-    trials: list[PreparedTrial],
-    check: Check,
-    specification: Mapping[str, Any],
-    estimate: Estimate,
-    test: ResidualTest,
+    check: Check, method: str, trial: PreparedTrial, estimate: Estimate, test: ResidualTest
 ) -> dict[str, Any]:
     """Columns of the table about the estimate of the first trial."""
-    row = {f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")}
-    row |= parameter_row(trials[0], estimate)
     warnings, diagnostics = estimate.fit_warnings, estimate.diagnostics
-    if warnings:  # the covariance belongs to a solution that was not reached, or to another model
-        for name in ("intervals", *(f"{name}_{end}" for name in estimate.intervals for end in ("low", "high"))):
-            row.pop(name, None)
+    # Where there is a warning, the covariance belongs to a solution that was not reached, or to another model.
+    shown = replace(estimate, intervals={}) if warnings else estimate
     # Warnings about the data concern all methods alike, so they do not decide between them.
     about_data = diagnostics.get("data_warnings", ())
-    cautions = caution(specification["method"], check.loop, check.reference), *about_data
-    texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
-    if "delay" not in estimate.intervals:
-        texts.append(_try_later_reflex(trials, specification, estimate))
-    for alternative in diagnostics.get("alternatives", ()):
-        moved = format_shifts(alternative["shifts"])
-        texts.append(f"With {alternative['effect']} in the model it would move {moved}.")
-    return row | {
+    validity = VALIDITY[method]
+    cautions = validity.closed_caution if check.instrumental else validity.open_caution, *about_data
+    return {
+        **{f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")},
+        **parameter_row(trial, shown),
         "warnings": " ".join(warnings),
         "trusted": not warnings,
         "caution": " ".join(filter(None, cautions)),
         # A test whether the joint changes takes what the model or an instrument leaves out for a change.
         "incomplete": bool(test.related or about_data or diagnostics.get("alternatives")),
-        "assumptions": " ".join(text[0].upper() + text[1:] for text in texts),
     }
 
 
-def _try_later_reflex(trials: list[PreparedTrial], specification: Mapping[str, Any], estimate: Estimate) -> str:
-    """What another delay would do."""
-    options = specification["options"] | {"delay": estimate.reflex["delay"] + OTHER_DELAY}
-    try:
-        other = _identify(trials, specification["method"], **options)[0]
-    except DataError as error:
-        return f"What a delay of {1000 * OTHER_DELAY:g} ms more would do cannot be told: {error}"
-    shifts = compute_shifts(*({**part.stiffness, **part.reflex} for part in (estimate, other)))
-    return f"A delay of {1000 * OTHER_DELAY:g} ms more would move {format_shifts(shifts)}."
+def _list_assumptions(trials: list[PreparedTrial], specification: Mapping[str, Any], estimate: Estimate) -> str:
+    """What the estimate of the first trial takes for granted, and what another delay or effect would do."""
+    diagnostics = estimate.diagnostics
+    texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
+    if "delay" not in estimate.intervals:
+        options = specification["options"] | {"delay": estimate.reflex["delay"] + OTHER_DELAY}
+        try:
+            other = _identify(trials, specification["method"], **options)[0]
+            shifts = compute_shifts(*({**part.stiffness, **part.reflex} for part in (estimate, other)))
+            texts.append(f"A delay of {1000 * OTHER_DELAY:g} ms more would move {format_shifts(shifts)}.")
+        except DataError as error:
+            texts.append(f"What a delay of {1000 * OTHER_DELAY:g} ms more would do cannot be told: {error}")
+    for alternative in diagnostics.get("alternatives", ()):
+        moved = format_shifts(alternative["shifts"])
+        texts.append(f"With {alternative['effect']} in the model it would move {moved}.")
+    return " ".join(text[0].upper() + text[1:] for text in texts)
 
 
-def torque_residual(trial: PreparedTrial, estimate: Estimate, *, trim: float = 0.0) -> TorqueResidual:
-    """Torque of a trial, and what an estimate leaves of it, without the ends that are to be trimmed [s]."""
-    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
-    inside = (time >= time[0] + trim) & (time <= time[-1] - trim)
-    measured = trial.channel_at("torque", time, rate)
-    return TorqueResidual(time[inside], measured[inside], (measured - estimate.torque["net"].values)[inside], rate)
-
-
-def compare_unseen(first: Sequence[TorqueResidual], second: Sequence[TorqueResidual]) -> VafDifference | None:
+def compare_unseen(first: Sequence[xr.Dataset], second: Sequence[xr.Dataset]) -> VafDifference | None:
     r"""Difference of the VAFs of two methods, with an interval that knows that both predict the same torque.
 
     With residuals e₁ and e₂ of the torque y, each less its mean, the difference is
@@ -316,11 +287,12 @@ def compare_unseen(first: Sequence[TorqueResidual], second: Sequence[TorqueResid
     if too little was scored at the same rate.
     """
     differences, weights, blocks = [], [], []
-    for a, b in zip(first, second, strict=True):
-        _, rows_a, rows_b = np.intersect1d(np.round(a.time * a.rate), np.round(b.time * b.rate), return_indices=True)
-        count = round(rows_a.size / (BLOCK * a.rate))
-        if count and a.rate == b.rate:
-            signals = a.measured[rows_a], a.residual[rows_a], b.residual[rows_b]
+    for parts in zip(first, second, strict=True):
+        a, b = xr.align(*parts, join="inner")
+        rate, other_rate = (part.attrs["identification_rate"] for part in parts)
+        count = round(a.sizes["time"] / (BLOCK * rate))
+        if count and rate == other_rate:
+            signals = (x.values for x in (a[MEASURED], a[MEASURED] - a["net"], b[MEASURED] - b["net"]))
             y, e_a, e_b = ((x - x.mean()) ** 2 for x in signals)
             difference = 100.0 * float(np.sum(e_b - e_a) / np.sum(y))
             influence = (100.0 * (e_b - e_a) - difference * y) / y.mean()

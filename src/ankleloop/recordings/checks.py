@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from ankleloop.checks.channels import VERDICTS, Finding, merge_findings
 from ankleloop.checks.data import check_signals, refuse_repeated_trials
@@ -16,13 +15,11 @@ from ankleloop.checks.movement import check_excitation, check_sign, check_signs_
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
 from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import KnownDelayOptions, Trial
 from ankleloop.options import option, show_fields
 from ankleloop.recordings.validity import describe_validity, valid_methods
-
-Methods = dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -48,7 +45,7 @@ class Check:
 
     findings: list[Finding]
     loop: str
-    methods: Methods
+    methods: dict[str, dict[str, Any]]
     spectra: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
     reference: bool = False
     path_bias: float = 0.0
@@ -81,7 +78,7 @@ class _CheckOptions(KnownDelayOptions):
 
 
 @show_fields(_CheckOptions)
-def check_trial(trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial], **options: Any) -> Check:
+def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     """Check what can be identified from a recording before anything is fitted to it.
 
     The checks are: length and rates; clipping, stretches at rest and spikes of position and torque; their size, and how
@@ -118,10 +115,10 @@ def check_trial(trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | Prepar
     """
     values = _CheckOptions.parse("check_trial", **options)
     reference, delay, rate = values.reference, values.delay, values.identification_rate
-    trials = list(trial) if isinstance(trial, (list, tuple)) else [trial]
-    if not trials:
+    parts: Any = trial if isinstance(trial, (list, tuple)) else [trial]
+    if not parts:
         raise DataError("there are no trials to check.")
-    prepared = [prepare(cast(Trial, part)) for part in trials]
+    prepared = [prepare(part) for part in parts]
     refuse_repeated_trials(prepared)
     datasets = [part.trial for part in prepared]
     length = check_length(datasets, rate)

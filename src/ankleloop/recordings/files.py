@@ -11,18 +11,18 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ankleloop.errors import NUMERICAL_ERRORS, DataError
+from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import save_estimate
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.joint.time_varying_course import make_course
+from ankleloop.methods.method import KnownDelayOptions
 from ankleloop.methods.registry import find_method
-from ankleloop.methods.riv_tv.equations import RivTvOptions
-from ankleloop.recordings.analysis import Analysis, analyse, describe_failure, refused_analysis
+from ankleloop.recordings.analysis import Analysis, describe_failure, refused_analysis
 from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import write_csv
 from ankleloop.trials.readers import read_trial
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.trial import remove_drift, segment
@@ -60,9 +60,9 @@ def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]
     onsets, schedule = (mapping.get(name) for name in COURSE)
     if onsets is None and schedule is None:
         return []
-    name, options, prepared = "cycles" if schedule is None else "schedule", RivTvOptions.defaults(), prepare(trial)
+    name, options, prepared = "cycles" if schedule is None else "schedule", KnownDelayOptions(), prepare(trial)
     try:
-        grid = prepared.grid(options["identification_rate"], options["delay"])
+        grid = prepared.grid(options.identification_rate, options.delay)
         course = make_course(prepared, grid, onsets, schedule)
     except DataError as error:
         return [Finding(name, "warning", str(error))]
@@ -74,19 +74,6 @@ def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]
     return [Finding(name, "ok", f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified.")]
 
 
-def analyse_files(
-    paths: Sequence[str | os.PathLike[str]],
-    mappings: Sequence[Mapping[str, Any]],
-    methods: Mapping[str, Mapping[str, Any]],
-) -> tuple[list[xr.Dataset], Analysis]:
-    """Load the files of a recording, and analyse it."""
-    try:
-        trials = [load_recording(path, mapping) for path, mapping in zip(paths, mappings, strict=True)]
-        return trials, analyse(trials, add_course(methods, mappings[0]))
-    except NUMERICAL_ERRORS as error:
-        return [], refuse_recording(error)
-
-
 def refuse_recording(error: Exception) -> Analysis:
     """Analysis of a recording that cannot be used."""
     return refused_analysis(Check([Finding("file", "refused", describe_failure(error))], "undecided", {}))
@@ -96,10 +83,9 @@ def tabulate_analysis(
     name: str, mapping: Mapping[str, Any], analysis: Analysis, keys: Mapping[str, str]
 ) -> pd.DataFrame:
     """Rows of an analysis for a table of many recordings."""
-    recommendation, table = recommend(analysis), analysis.table
-    labels = table.reindex(columns=["label"])["label"].astype(object)
-    columns = {"key": labels.map(keys), "recommended": labels.eq(recommendation.label) & labels.notna()}
-    table = table.assign(**columns, recommendation=recommendation.text)
+    label, text = recommend(analysis)
+    labels = analysis.table.reindex(columns=["label"])["label"].astype(object)
+    table = analysis.table.assign(key=labels.map(keys), recommended=labels.eq(label), recommendation=text)
     groups = pd.DataFrame({"recording": name, **{group: mapping[group] for group in GROUPS}}, index=table.index)
     return pd.concat([groups, table], axis=1)
 
@@ -152,7 +138,5 @@ def export_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwri
     if Path(path).suffix != ".csv":
         save_estimate(estimate, path, overwrite=overwrite)
         return
-    columns = {"time_s": estimate.torque["time"].values}
-    columns |= {f"torque_{name}_nm": estimate.torque[name].values for name in TORQUES}
-    with atomic_file(path, overwrite=overwrite) as partial:
-        pd.DataFrame(columns).to_csv(partial, index=False)
+    torques = {f"torque_{name}_nm": estimate.torque[name].values for name in TORQUES}
+    write_csv(pd.DataFrame({"time_s": estimate.torque["time"].values, **torques}), path, overwrite=overwrite)

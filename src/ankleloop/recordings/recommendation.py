@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from ankleloop.quantities import QUANTITIES
-from ankleloop.recordings.analysis import Analysis, TorqueResidual, compare_unseen
+from ankleloop.recordings.analysis import Analysis, compare_unseen
 from ankleloop.recordings.validity import VALIDITY
 
 NO_CONCLUSION = "Nothing can be concluded from this recording"
@@ -27,8 +27,7 @@ DIMENSIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Recommendation:
+class Recommendation(NamedTuple):
     """The method to take for a recording."""
 
     label: str | None  # label of the method; None if no method can be recommended
@@ -100,10 +99,10 @@ def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) 
     return row, f"{'the loop is closed' if loop == 'closed' else 'feedback is not excluded'}, {reason}"
 
 
-def _choose_by_vaf(unseen: Mapping[str, list[TorqueResidual]], comparable: pd.DataFrame) -> tuple[pd.Series, str]:
+def _choose_by_vaf(unseen: Mapping[str, list[xr.Dataset]], comparable: pd.DataFrame) -> tuple[pd.Series, str]:
     """The method that explains most of the unseen half, or the preferred one of those that cannot be told from it."""
-    pairs = list(itertools.permutations(comparable["label"], 2))
-    gains = {pair: compare_unseen(unseen[pair[0]], unseen[pair[1]]) for pair in pairs}
+    pairs = itertools.permutations(comparable["label"], 2)
+    gains = {(a, b): compare_unseen(unseen[a], unseen[b]) for a, b in pairs}
     beaten = {worse for (_, worse), gain in gains.items() if gain and gain.low > 0}
     row = _prefer(comparable[~comparable["label"].isin(beaten)])
     others = {label: gain for (label, other), gain in gains.items() if other == row["label"]}
@@ -167,18 +166,18 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
         words, data = DIMENSIONS[str(next(iter(estimate.trajectories.sizes)))]
         probabilities = estimate.diagnostics["variation_p"]
         p = {name: "less than 0.001" if p < 0.001 else f"{p:.2g}" for name, p in probabilities.items()}
+        each = ", ".join(f"{name} {p[name]}" for name in "KBG")
         changes = probabilities["all"] < LEVEL
         text = f"K, B or G change {words}" if changes else f"No change of K, B or G {words} is shown"
         text += f": a constant joint gives as large a variation with a probability of {p['all']} "
-        text += f"(level {100 * LEVEL:g} %). "
-        text += f"Each of them alone, while the others may change: {', '.join(f'{name} {p[name]}' for name in 'KBG')}. "
+        text += f"(level {100 * LEVEL:g} %). Each of them alone, while the others may change: {each}. "
         if not changes:
             text += "A change that is smaller than the bands may be there. "
         elif rows[label]["incomplete"]:
             text += (
                 "But the model is not complete, or the record has a fault, and what a model leaves out may be taken "
-                "for a change. So the test decides nothing here. "
             )
+            text += "for a change. So the test decides nothing here. "
         texts[label] = text + _compare_with_constant(analysis, rows, label, data)
     return texts
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from ankleloop.methods.registry import METHODS
 
@@ -20,8 +19,7 @@ SUBSPACE_POLES = (
 WHITE_NOISE = "it assumes white noise: voluntary torque biases its poles, and with them K, B and I."
 
 
-@dataclass(frozen=True)
-class Validity:
+class Validity(NamedTuple):
     """Where a method is valid. In open loop with a reference every method is, if its paths need not be uncorrelated."""
 
     closed: Mapping[str, Any] | None  # options that make it valid in closed loop; None where nothing does
@@ -100,12 +98,6 @@ def reason_against(
     if not reference and needs_reference and not position:
         return "needs a reference: with reference='position' it is valid if the loop is open"
     return None
-
-
-def caution(method: str, loop: str, reference: bool) -> str:
-    """What to bear in mind about a method that is valid for a recording; empty if there is nothing."""
-    validity = VALIDITY[method]
-    return validity.closed_caution if loop != "open" and reference else validity.open_caution
 
 
 def usual_methods(*, reference: bool, changing: bool = False) -> dict[str, dict[str, Any]]:

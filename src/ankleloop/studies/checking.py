@@ -24,6 +24,7 @@ from ankleloop.options import Options, describe_error, suggest_name
 
 PathLike = str | os.PathLike[str]
 
+KINDS = {int: "count", bool: "flag", float: "number"}
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 TEMPLATE_KEY = "__use_yte__"  # makes a YAML file a program of the template engine that Snakemake reads it by
 OTHER_NUMBER = re.compile(r"[-+]?0[0-9bx].*|.*[_:].*")  # 012 (octal, 10), 0x1F (31), 1_2 (12), 1:30 (90)
@@ -117,6 +118,12 @@ def check_cases(key: str, names: Iterable[str]) -> None:
         other = first.setdefault(name.lower(), name)
         if other != name:
             raise ConfigError(f"{key}: {other!r} and {name!r} differ in capitals only, which some file systems ignore.")
+
+
+def find_kind(annotation: Any) -> str:
+    """Kind of the values of a field: count, flag, number or text."""
+    types = {kind if isinstance(kind, type) else type(kind) for kind in get_args(annotation) or (annotation,)}
+    return next((word for kind, word in KINDS.items() if kind in types), "text")
 
 
 def cast_number(text: str) -> Any:

@@ -8,10 +8,8 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from functools import reduce
-from operator import or_
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, Union
 
 from pydantic import Field, StringConstraints, WithJsonSchema, create_model, model_validator
 
@@ -24,22 +22,31 @@ from ankleloop.studies.checking import check_cases
 from ankleloop.studies.recording_settings import MAX_NAME, RECORDING_NAME, Recording
 
 SCHEMA = Path("workflow/schemas/config.schema.json")
-# Figures that each notebook draws beside its page and its table; what each needs is in `studies.run_config`.
+
+
+class Notebook(NamedTuple):
+    """A notebook that renders studies."""
+
+    figures: tuple[str, ...]  # that it draws beside its page and its table
+    needs: tuple[str, ...] = ()  # of its study, see `studies.run_config.find_need`
+
+
+# Captions and axes of most of them know settings alone, and no options.
 NOTEBOOKS = {
-    "table1": ("figure3", "order"),
-    "figure4": ("figure4", "passes"),
-    "passes": ("passes",),
-    "table2": ("figure5",),
-    "comparison": ("stiffness", "vaf"),
-    "traces": ("traces",),
-    "sensitivity": ("map",),
-    "efficiency": ("efficiency",),
-    "choosing": ("choosing",),
-    "obstacles": ("obstacles",),
-    "time-varying": ("errors", "trajectories"),
-    "design": ("design",),
-    "sweep": ("sweep",),
-    "recordings": ("group",),
+    "table1": Notebook(("figure3", "order"), ("trials", "settings")),
+    "figure4": Notebook(("figure4", "passes"), ("one setting", "settings", "numbers", "truths", "cascade")),
+    "passes": Notebook(("passes",), ("one setting", "settings", "numbers", "cascade")),
+    "table2": Notebook(("figure5",), ("trials", "settings")),
+    "comparison": Notebook(("stiffness", "vaf"), ("estimates", "settings", "numbers")),
+    "traces": Notebook(("traces",), ("estimates", "settings", "real-time", "truths")),
+    "sensitivity": Notebook(("map",), ("two settings", "settings", "truths", "stop rule")),
+    "efficiency": Notebook(("efficiency",), ("settings", "truths", "delay")),
+    "choosing": Notebook(("choosing",), ("one setting", "settings", "numbers", "truths", "select")),
+    "obstacles": Notebook(("obstacles",), ("truths",)),
+    "time-varying": Notebook(("errors", "trajectories"), ("estimates", "truths", "variation", "trajectories")),
+    "design": Notebook(("design",), ("settings", "truths")),
+    "sweep": Notebook(("sweep",)),
+    "recordings": Notebook(("group",)),
 }
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)]
@@ -62,7 +69,7 @@ class MethodSettings(Options):
 
     @model_validator(mode="after")
     def _check_candidates(self) -> Self:
-        options = {name: getattr(self.options, name) for name in self.options.model_fields_set}
+        options = self.options.model_dump(exclude_unset=True)
         try:
             check_selection(f"method {self.method!r}", type(self.options), options, self.select, self.criterion)
         except TypeError as error:  # pydantic names the place of a ValueError only
@@ -97,7 +104,7 @@ def _union_of_methods() -> Any:
         )
         for options, members in names.items()
     ]
-    return Annotated[reduce(or_, models), Field(discriminator="method")]
+    return Annotated[Union[tuple(models)], Field(discriminator="method")]  # noqa: UP007 # of a list
 
 
 if TYPE_CHECKING:

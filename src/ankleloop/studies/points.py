@@ -9,20 +9,19 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
-from typing import Any, Literal, NamedTuple, Self, get_args
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.checking import ConfigError, cast_number, check, expand_path, key_error, read_rows
+from ankleloop.studies.checking import ConfigError, cast_number, check, expand_path, find_kind, key_error, read_rows
 
 SETTINGS = tuple(SimulationSettings.model_fields)
 SIMULATION = ""  # owner of the settings, beside the methods, which own their options
 MAX_POINTS = 100_000  # of a grid
 DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a design have half of them
-KINDS = {int: "count", bool: "flag", float: "number"}
 WORDS = {"null": None, "true": True, "false": False}  # in tables
 
 Place = tuple[str, ...]
@@ -144,8 +143,8 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
             values = _values_of(owner, parameters, given)
             key = (owner, repr(values))
             if key not in checked:
-                chosen = {name: getattr(base, name) for name in base.model_fields_set}
-                checked[key] = check(type(base), chosen | values, *where, point_name(given), *filter(None, [owner]))
+                values = base.model_dump(exclude_unset=True) | values
+                checked[key] = check(type(base), values, *where, point_name(given), *filter(None, [owner]))
             models[owner] = checked[key]
         complete = {name: _find_value(parameter, models, given.get(name)) for name, parameter in parameters.items()}
         made = {name: complete[name] for name in given}
@@ -270,8 +269,5 @@ def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> dic
             if settings and (field in settings.options.model_fields_set or field in settings.select):
                 message = f"the method {owner} has {field} under options or select as well: leave it out there."
                 raise key_error((*place, name), message)
-        annotation: Any = fields[owners[0]][field].annotation
-        types = {kind if isinstance(kind, type) else type(kind) for kind in get_args(annotation) or (annotation,)}
-        kind = next((word for kind, word in KINDS.items() if kind in types), "text")
-        parameters[name] = Parameter(field, owners, kind)
+        parameters[name] = Parameter(field, owners, find_kind(fields[owners[0]][field].annotation))
     return parameters

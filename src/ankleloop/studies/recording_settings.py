@@ -10,12 +10,12 @@ import re
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Self, get_args
+from typing import Any, Self
 
 from pydantic import field_validator, model_validator
 
 from ankleloop.options import option, show_value
-from ankleloop.studies.checking import ConfigError, cast_number, check, read_rows
+from ankleloop.studies.checking import ConfigError, cast_number, check, find_kind, read_rows
 from ankleloop.trials.reading_options import ReadingOptions
 
 MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
@@ -82,8 +82,10 @@ def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -
     """Read a table of recordings: the files of each by its name, of which there are several where they are merged."""
     recordings: dict[str, list[Recording]] = {}
     batches: set[str | None] = set()
+    numbers = {name for name, field in _Row.model_fields.items() if find_kind(field.annotation) != "text"}
     for place, cells in read_rows(path):
-        values = {key: _cast(key, text) for key, text in cells.items() if text}
+        # What is no number stays text, which the model refuses.
+        values = {key: cast_number(text) if key in numbers else text for key, text in cells.items() if text}
         row = check(_Row, {**defaults, **values}, place)
         name, part = row.recording_name, Recording(**row.model_dump(exclude={"name", "batch"}))
         if not re.fullmatch(RECORDING_NAME, name) or len(name) > MAX_NAME:
@@ -96,10 +98,3 @@ def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -
         batches.add(row.batch)
         recordings.setdefault(name, []).append(part)
     return recordings
-
-
-def _cast(key: str, text: str) -> Any:
-    """A cell as the type of its column; what is no number stays text, which the model refuses."""
-    field = _Row.model_fields.get(key)
-    kinds = (get_args(field.annotation) or (field.annotation,)) if field else (str,)
-    return text if any(kind is str or isinstance(kind, str) for kind in kinds) else cast_number(text)

@@ -20,13 +20,12 @@ import xarray as xr
 
 from ankleloop.errors import NUMERICAL_ERRORS, ResourceError, locate_errors
 from ankleloop.pages.recordings import draw_figures, render_recording_page
-from ankleloop.recordings.analysis import Analysis
-from ankleloop.recordings.files import analyse_files, export_estimates, refuse_recording, tabulate_analysis
+from ankleloop.recordings import files
+from ankleloop.recordings.analysis import Analysis, analyse
 from ankleloop.trials.files import atomic_file, write_csv
 
 log = logging.getLogger(__name__)
 
-Results = tuple[pd.DataFrame, list[str]]
 Methods = Mapping[str, Mapping[str, Any]]
 
 
@@ -37,30 +36,30 @@ def analyse_recordings(
     window: Mapping[str, Any],
     *,
     index: str | None = None,
-) -> Iterator[tuple[str, pd.DataFrame, list[str]]]:
-    """Analyse recordings one after the other, and write their pages and estimates.
+) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Analyse recordings one after the other, and write their pages and estimates; name and table of each.
 
     A recording that cannot be used, or that fails numerically, has a page that says so; all others go on. They are
     analysed in a child process, which the system may kill: that says nothing of the recording, so it is an error, and
     the same command tries again. Other systems than Linux cannot fork a process safely: there this one analyses them.
     """
-    analyse = partial(_analyse, methods=methods, folder=folder, window=window, index=index)
+    analyse_one = partial(_analyse, methods=methods, folder=folder, window=window, index=index)
     if sys.platform != "linux":
         for name, mapping in points.items():
-            yield (name, *analyse(name, mapping))
+            yield name, analyse_one(name, mapping)
         return
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(1, mp_context=context, initializer=_end_with_parent) as pool:
         for name, mapping in points.items():
             with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
                 try:
-                    results = pool.submit(analyse, name, mapping).result()
+                    table = pool.submit(analyse_one, name, mapping).result()
                 except BrokenProcessPool:
                     raise ResourceError(
                         "the process of the analysis was killed: most often memory was short; free memory, or take a "
                         "shorter part of the recording (start, stop)."
                     ) from None
-            yield (name, *results)
+            yield name, table
 
 
 def _end_with_parent() -> None:
@@ -71,14 +70,14 @@ def _end_with_parent() -> None:
 
 def _analyse(
     name: str, mapping: Mapping[str, Any], methods: Methods, folder: Path, window: Mapping[str, Any], index: str | None
-) -> Results:
-    """Table of a recording, and why it is refused; its page and its estimates are written."""
+) -> pd.DataFrame:
+    """Table of a recording; its page and its estimates are written."""
     keys = {method["label"] or key: key for key, method in methods.items()}
 
-    def write(trials: Sequence[xr.Dataset], analysis: Analysis) -> Results:
+    def write(trials: Sequence[xr.Dataset], analysis: Analysis) -> pd.DataFrame:
         log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
         records = {keys[label]: estimates for label, estimates in analysis.records.items()}
-        export_estimates(records, folder / name, overwrite=True)
+        files.export_estimates(records, folder / name, overwrite=True)
         figures = draw_figures(trials, analysis, window)
         for kind, figure in figures.items() if records else ():  # the numbers that they draw
             if figure.data is not None:
@@ -86,12 +85,12 @@ def _analyse(
         page = render_recording_page(name, mapping, analysis, figures, index=index)
         with atomic_file(folder / f"{name}.html", overwrite=True) as path:
             path.write_text(page, encoding="utf-8")
-        refusals = [finding.text for finding in analysis.check.findings if finding.verdict == "refused"]
-        return tabulate_analysis(name, mapping, analysis, keys), refusals
+        return files.tabulate_analysis(name, mapping, analysis, keys)
 
     try:
+        trials = list(map(files.load_recording, mapping["paths"], mapping["parts"]))
         named = {label: methods[key] for label, key in keys.items()}
-        return write(*analyse_files(mapping["paths"], mapping["parts"], named))
-    except NUMERICAL_ERRORS as error:  # of a figure or an export
+        return write(trials, analyse(trials, files.add_course(named, mapping["parts"][0])))
+    except NUMERICAL_ERRORS as error:
         shutil.rmtree(folder / name, ignore_errors=True)
-        return write([], refuse_recording(error))
+        return write([], files.refuse_recording(error))

@@ -138,8 +138,7 @@ def collect_results(
 
 def read_tables(paths: Iterable[Path]) -> dict[str, pd.DataFrame]:
     """Tables as text for a page, without the columns in which no row has a value."""
-    tables = {path.stem: pd.read_csv(path).dropna(axis="columns", how="all") for path in sorted(paths)}
-    return {stem: table.map(_format_cell) for stem, table in tables.items()}
+    return {path.stem: pd.read_csv(path).dropna(axis="columns", how="all").map(_format_cell) for path in sorted(paths)}
 
 
 def _format_cell(value: Any) -> str:

@@ -9,25 +9,9 @@ from typing import Any
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import decimation_grid
 from ankleloop.studies.checking import ConfigError, find_key, key_error
-from ankleloop.studies.config import Config
+from ankleloop.studies.config import NOTEBOOKS, Config
 from ankleloop.studies.points import SIMULATION
 from ankleloop.studies.study import RecordedStudy, SimulatedStudy, Study, read_studies
-
-# What each notebook needs of its study. Captions and axes know settings alone, and no options.
-NEEDS = {
-    "figure4": ("one setting", "settings", "numbers", "truths", "cascade"),
-    "passes": ("one setting", "settings", "numbers", "cascade"),
-    "table1": ("trials", "settings"),
-    "table2": ("trials", "settings"),
-    "comparison": ("estimates", "settings", "numbers"),
-    "traces": ("estimates", "settings", "real-time", "truths"),
-    "sensitivity": ("two settings", "settings", "truths", "stop rule"),
-    "efficiency": ("settings", "truths", "delay"),
-    "choosing": ("one setting", "settings", "numbers", "truths", "select"),
-    "obstacles": ("truths",),
-    "design": ("settings", "truths"),
-    "time-varying": ("estimates", "truths", "variation", "trajectories"),
-}
 
 
 def read_run(
@@ -69,8 +53,7 @@ def check_uses(study: SimulatedStudy) -> None:
             settings.sweep.check(study.varied, study.methods)
         except ValueError as error:
             raise key_error((*place, "sweep"), f"{error}.") from None
-    need = find_need(study) if settings.notebook in NEEDS else ""
-    if need:
+    if need := find_need(study):
         raise key_error((*place, "notebook"), f"{settings.notebook} needs {need}.")
 
 
@@ -124,7 +107,8 @@ def find_need(study: SimulatedStudy) -> str:
         "variation": (all(p["variation"] for p in study.points.values()), "variation (of K, B and G) at every point"),
         "trajectories": ("riv-tv" in used, "a method riv-tv, for its trajectories"),
     }
-    return next((needs[name][1] for name in NEEDS[study.settings.notebook or ""] if not needs[name][0]), "")
+    needed = NOTEBOOKS[study.settings.notebook].needs if study.settings.notebook else ()
+    return next((needs[name][1] for name in needed if not needs[name][0]), "")
 
 
 def report_parameters(study: Study, files: Mapping[str, Iterable[str]], **places: str) -> dict[str, Any]:
@@ -140,7 +124,7 @@ def report_parameters(study: Study, files: Mapping[str, Iterable[str]], **places
         "labels": study.labels,  # of the methods
         # Of each method its name in the registry.
         "algorithms": {name: method.method for name, method in study.methods.items()},
-        "points": study.points if settings.notebook in NEEDS else {},  # the others read tables alone
+        "points": study.points if NOTEBOOKS[settings.notebook].needs else {},  # the others read tables alone
         "varied": list(study.varied),  # settings that differ between points
         "figure": settings.figure.model_dump(),  # what figures of single trials show
         # A file of trials and one of estimates for each chunk of points; one table of all trials, or of recordings one

@@ -48,7 +48,7 @@ class Study:
         words = re.sub("[_-]+", " ", name).strip()
         self.title: str = settings.title or words[:1].upper() + words[1:]  # heading of its report
         self.labels = {name: method.label or name for name, method in self.methods.items()}  # for legends
-        names = NOTEBOOKS[settings.notebook] if settings.notebook else ()
+        names = NOTEBOOKS[settings.notebook].figures if settings.notebook else ()
         has_singular_values = any(method.method.endswith("moesp") for method in self.methods.values())
         self.figures = tuple(name for name in names if name != "order" or has_singular_values)
 
@@ -67,6 +67,8 @@ class SimulatedStudy(Study):
         super().__init__(name, settings)
         points = list_points(name, settings.points, settings.simulation, settings.methods)
         self.point_list, self.conditions, self.parameters = points
+        conditions = self.conditions.items()
+        self._samples = {name: round(part["duration"] * part["recording_rate"]) for name, part in conditions}
         self.varied = list(self.parameters)
         # All settings and varied options of each point.
         self.points = {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
@@ -101,24 +103,22 @@ class SimulatedStudy(Study):
 
     def identification(self, chunk: int) -> dict[str, Any]:
         """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
-        return {**self._identification(self.chunks[chunk]), "settings": self.hashes[chunk]}
-
-    def _identification(self, parts: Chunk) -> dict[str, Any]:
-        conditions = {}
+        conditions, parts = {}, self.chunks[chunk]
         for condition, first, stop in parts:
             points = {p.name: {"values": p.values, "options": p.options} for p in self._points_of[condition]}
             conditions[condition] = {"first": first, "stop": stop, "points": points}
-        return {
+        arguments = {
             "conditions": conditions,
             "methods": self.identified_methods,
             "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
             **self.settings.model_dump(include={"against", "precision"}),
         }
+        return {**arguments, "settings": _hash(self.name, self.simulation(parts), arguments)}
 
     @cached_property
     def hashes(self) -> list[str]:
         """Hash of the settings that make the table of each chunk."""
-        return [_hash(self.name, self.simulation(chunk), self._identification(chunk)) for chunk in self.chunks]
+        return [self.identification(chunk)["settings"] for chunk in range(len(self.chunks))]
 
     @property
     def hash(self) -> str:
@@ -127,7 +127,7 @@ class SimulatedStudy(Study):
 
     def simulation_seconds(self, parts: Chunk) -> float:
         """Time of a job that simulates a chunk [s]."""
-        return START_SECONDS + sum((stop - first) * simulation_seconds(self._samples(c)) for c, first, stop in parts)
+        return START_SECONDS + sum((stop - first) * simulation_seconds(self._samples[c]) for c, first, stop in parts)
 
     def identification_seconds(self, parts: Chunk) -> float:
         """Time of a job that identifies a chunk, and simulates it where no trials are kept [s]."""
@@ -143,13 +143,9 @@ class SimulatedStudy(Study):
             parts.append((None if self.settings.keep == "scores" else label, trials))
         return parts
 
-    def _samples(self, condition: str) -> int:
-        settings = self.conditions[condition]
-        return round(settings["duration"] * settings["recording_rate"])
-
     def _simulation_cost(self, condition: str) -> float:
         """Time in which a trial is simulated, or more where a trial file would become too large [s]."""
-        samples = self._samples(condition)
+        samples = self._samples[condition]
         return max(simulation_seconds(samples), self._job_seconds * samples / MAX_SAMPLES)
 
     def _cost(self, condition: str) -> float:
@@ -158,7 +154,7 @@ class SimulatedStudy(Study):
         Options that vary count by their number and not by their values: an edited value must not move other trials to
         other chunks.
         """
-        points, samples = self._points_of[condition], self._samples(condition)
+        points, samples = self._points_of[condition], self._samples[condition]
         counts = {name: len({tuple(p.options.get(name, {}).items()) for p in points}) for name in self.methods}
         methods = [self.identified_methods[name] for name, count in counts.items() for _ in range(count)]
         cost = identification_seconds(samples, methods, self.conditions[condition]["recording_rate"])

@@ -325,12 +325,12 @@ def test_a_full_disk_leaves_the_results_of_an_earlier_run(run, recording, tmp_pa
 def test_a_program_that_is_ended_leaves_no_temporary_folder(recording, tmp_path):
     program = """
 import sys, time
-import ankleloop.recordings.files as files
+import ankleloop.studies.recordings as job
 from ankleloop.command_line.main import main
 def wait(*_):
     print("ready", file=sys.stderr, flush=True)
     time.sleep(300)
-files.analyse = wait
+job.analyse = wait
 main(["identify", sys.argv[1], "--output", sys.argv[2]])
 """
     command = [sys.executable, "-c", program, str(recording), str(tmp_path / "results")]

@@ -11,7 +11,7 @@ import yaml
 from ankleloop import DataError, evaluate, identify, segment, simulate
 from ankleloop.methods import registry
 from ankleloop.recordings.analysis import analyse
-from ankleloop.recordings.files import analyse_files
+from ankleloop.recordings.files import load_recording
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.studies.study import read_studies
 
@@ -215,10 +215,11 @@ def test_real_recordings(recording, net):
     example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
     study = read_studies(example)[1]["recordings"]
     mapping = study.chunks[0][recording]
-    (part,) = mapping["parts"]
-    turned = analyse_files(mapping["paths"], [part | {"torque_sign": 1}], {})[1]
+    (path,), (part,) = mapping["paths"], mapping["parts"]
+    turned = analyse(load_recording(path, part | {"torque_sign": 1}), {})
     assert [finding.name for finding in turned.check.findings if finding.verdict == "refused"] == ["sign of the torque"]
-    (trial,), analysis = analyse_files(mapping["paths"], [part], study.analysed_methods)
+    trial = load_recording(path, part)
+    analysis = analyse(trial, study.analysed_methods)
     assert (trial.sizes["time"], trial.attrs["sampling_rate"]) == (60_000, 1000.0)
     assert analysis.check.loop == "undecided"
     assert {f.name for f in analysis.check.findings if f.verdict != "ok"} == {"reference", "loop", "methods"}

@@ -5,11 +5,12 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import vaf
-from ankleloop.recordings.analysis import TorqueResidual, compare_unseen
+from ankleloop.joint.regressors import torque_dataset
+from ankleloop.recordings.analysis import compare_unseen
 
 
 def part(y, residual, start=0):
-    return TorqueResidual(np.arange(start, start + y.size) / 100, y, residual, 100.0)
+    return torque_dataset(np.arange(start, start + y.size) / 100, 100.0, measured=y, net=y - residual)
 
 
 def coloured(rng, size):

@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ankleloop.recordings.analysis import Analysis, TorqueResidual
+from ankleloop.joint.regressors import torque_dataset
+from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.recommendation import Recommendation, recommend
 
@@ -22,10 +23,10 @@ def warned(row, text="not converged"):
 
 
 def residual(size, seed, samples=6000):
-    """Torque of the unseen half, and a residual of a size [%] of its variance."""
+    """Torque of the unseen half, predicted but for a residual of a size [%] of its variance."""
     y = np.random.default_rng(0).standard_normal(samples)
     e = np.random.default_rng(seed).standard_normal(samples)
-    return [TorqueResidual(np.arange(samples) / 100, y, np.sqrt(size / 100) * e, 100.0)]
+    return [torque_dataset(np.arange(samples) / 100, 100.0, measured=y, net=y - np.sqrt(size / 100) * e)]
 
 
 def make_analysis(loop, rows, *, unseen=None, reference=True):

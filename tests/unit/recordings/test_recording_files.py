@@ -3,13 +3,8 @@ import pandas as pd
 import pytest
 
 import ankleloop
-from ankleloop.recordings.files import (
-    analyse_files,
-    export_estimate,
-    export_estimates,
-    load_recording,
-    tabulate_analysis,
-)
+from ankleloop.recordings import files
+from ankleloop.recordings.analysis import analyse
 
 MAPPING = {"position": "angle", "torque": "moment", "position_unit": "deg", "torque_sign": -1}
 MAPPING |= {"subject": "S1", "condition": "rest", "trial": 2}
@@ -32,24 +27,23 @@ def path(simulated, tmp_path_factory):
 
 
 def test_recording_is_read_by_its_mapping(path, simulated):
-    trial = load_recording(path, MAPPING)
+    trial = files.load_recording(path, MAPPING)
     np.testing.assert_allclose(trial["position"], simulated["position"], atol=1e-12)
     np.testing.assert_allclose(trial["torque"], simulated["torque"] + 2.0 * simulated["time"].values, atol=1e-9)
-    level = load_recording(path, {**MAPPING, "drift": 1})["torque"]
+    level = files.load_recording(path, {**MAPPING, "drift": 1})["torque"]
     assert abs(np.polyfit(simulated["time"], level, 1)[0]) < 1e-9
     for start, stop, ends in ((2.0, 5.0, (2.0, 5.0)), (None, 5.0, (0.0, 5.0)), (2.0, None, (2.0, 11.999))):
-        time = load_recording(path, {**MAPPING, "start": start, "stop": stop})["time"].values
+        time = files.load_recording(path, {**MAPPING, "start": start, "stop": stop})["time"].values
         assert (time[0], time[-1]) == pytest.approx(ends, abs=2e-3)
 
 
 def test_analysis_has_a_table_and_exports(path, tmp_path):
-    trials, analysis = analyse_files([path], [MAPPING], METHODS)
-    assert len(trials) == 1
-    table = tabulate_analysis("A1", MAPPING, analysis, {"PR-MOESP": "pr-moesp-position"})
+    analysis = analyse(files.load_recording(path, MAPPING), METHODS)
+    table = files.tabulate_analysis("A1", MAPPING, analysis, {"PR-MOESP": "pr-moesp-position"})
     assert list(table.columns[:4]) == ["recording", "subject", "condition", "trial"]
     assert table.iloc[0, :4].tolist() == ["A1", "S1", "rest", 2]
     assert table["key"].tolist() == ["pr-moesp-position"]
-    export_estimates({"pr-moesp-position": analysis.records["PR-MOESP"]}, tmp_path / "A1")
+    files.export_estimates({"pr-moesp-position": analysis.records["PR-MOESP"]}, tmp_path / "A1")
     names = sorted(file.name for file in (tmp_path / "A1").iterdir())
     assert names == [f"pr-moesp-position{suffix}" for suffix in (".csv", ".mat", ".nc")]
     estimate = ankleloop.load_estimate(tmp_path / "A1" / "pr-moesp-position.nc")
@@ -57,9 +51,9 @@ def test_analysis_has_a_table_and_exports(path, tmp_path):
 
 
 def test_estimates_of_merged_trials_are_numbered(path, tmp_path):
-    halves = [{**MAPPING, "stop": 6.0}, {**MAPPING, "start": 6.0}]
-    _, analysis = analyse_files([path, path], halves, METHODS)
-    export_estimates({"pr-moesp": analysis.records["PR-MOESP"]}, tmp_path / "M1")
+    halves = [files.load_recording(path, MAPPING | part) for part in ({"stop": 6.0}, {"start": 6.0})]
+    analysis = analyse(halves, METHODS)
+    files.export_estimates({"pr-moesp": analysis.records["PR-MOESP"]}, tmp_path / "M1")
     assert {file.stem for file in (tmp_path / "M1").iterdir()} == {"pr-moesp-1", "pr-moesp-2"}
 
 
@@ -68,11 +62,12 @@ def test_unusable_file_is_refused_with_its_reason(path, tmp_path):
     table.loc[777, "moment"] = np.nan
     table.to_csv(tmp_path / "gap.csv", index=False)
     for name, reason in (("gap.csv", "777"), ("nowhere.csv", "nowhere.csv: there is no such file")):
-        trials, analysis = analyse_files([tmp_path / name], [MAPPING], METHODS)
-        assert trials == []
+        with pytest.raises(ankleloop.DataError) as error:
+            files.load_recording(tmp_path / name, MAPPING)
+        analysis = files.refuse_recording(error.value)
         assert analysis.check.verdict == "refused"
         assert analysis.estimates == {}
-        row = tabulate_analysis("A2", MAPPING, analysis, {"PR-MOESP": "pr-moesp"}).iloc[0]
+        row = files.tabulate_analysis("A2", MAPPING, analysis, {"PR-MOESP": "pr-moesp"}).iloc[0]
         assert (row["recording"], row["verdict"]) == ("A2", "refused")
         assert reason in row["reasons"]
         assert pd.isna(row["key"])
@@ -83,7 +78,7 @@ def test_other_programs_read_the_numbers_of_an_export(method, tmp_path):
     trial = ankleloop.simulate(seed=1, duration=20.0)
     estimate = ankleloop.identify(trial, method, basis="rectifier")
     for suffix in (".nc", ".mat", ".csv"):
-        export_estimate(estimate, tmp_path / f"e{suffix}")
+        files.export_estimate(estimate, tmp_path / f"e{suffix}")
     for suffix in (".nc", ".mat"):
         loaded = ankleloop.load_estimate(tmp_path / f"e{suffix}")
         assert loaded.predict(trial).torque.identical(estimate.predict(trial).torque)
@@ -91,4 +86,4 @@ def test_other_programs_read_the_numbers_of_an_export(method, tmp_path):
     assert list(exported) == ["time_s", "torque_net_nm", "torque_intrinsic_nm", "torque_reflex_nm"]
     np.testing.assert_allclose(exported["torque_reflex_nm"], estimate.torque["reflex"], rtol=1e-12)
     with pytest.raises(ankleloop.DataError, match=r"e.xlsx: "):
-        export_estimate(estimate, tmp_path / "e.xlsx")
+        files.export_estimate(estimate, tmp_path / "e.xlsx")

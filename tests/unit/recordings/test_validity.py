@@ -3,7 +3,7 @@
 import pytest
 
 from ankleloop import METHODS
-from ankleloop.recordings.validity import caution, describe_validity, reason_against, valid_methods
+from ankleloop.recordings.validity import VALIDITY, describe_validity, reason_against, valid_methods
 
 CORRELATED, UNCORRELATED = 30.0, 2.0
 STATES = [("closed", True), ("open", True), ("undecided", True), ("undecided", False)]
@@ -44,7 +44,7 @@ def test_least_squares_and_the_position_are_refused_unless_the_loop_is_open(loop
 
 
 def test_cautions_stand_where_a_method_is_valid_with_a_bias():
-    assert caution("riv", "closed", True) == caution("pr-moesp", "open", True) == ""
-    assert "poles" in caution("pr-moesp", "closed", True)
-    assert "white noise" in caution("eiv-moesp", "open", True)
-    assert "white noise" in caution("moesp", "undecided", False)
+    assert VALIDITY["riv"].closed_caution == VALIDITY["pr-moesp"].open_caution == ""
+    assert "poles" in VALIDITY["pr-moesp"].closed_caution
+    assert "white noise" in VALIDITY["eiv-moesp"].open_caution
+    assert "white noise" in VALIDITY["moesp"].open_caution

@@ -10,7 +10,7 @@ import pytest
 from ankleloop import save_trial, simulate
 from ankleloop.pages.recordings import draw_figures, render_recording_page
 from ankleloop.recordings.analysis import analyse
-from ankleloop.recordings.files import add_course, analyse_files, check_course
+from ankleloop.recordings.files import add_course, check_course, load_recording
 from ankleloop.recordings.recommendation import describe_variations, recommend
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.recording_settings import Recording, read_recordings
@@ -115,8 +115,7 @@ def test_files_are_analysed_over_their_scheduling_variable(tmp_path):
     mapping = Recording(
         file="a.nc", reference="reference", variables={"level": "schedule"}, schedule="level"
     ).model_dump()
-    trials, result = analyse_files([tmp_path / "a.nc"], [mapping], METHODS)
-    assert "level" in trials[0]
+    result = analyse(load_recording(tmp_path / "a.nc", mapping), add_course(METHODS, mapping))
     assert list(result.estimates["changing"].trajectories.sizes) == ["schedule"]
     assert describe_variations(result)["changing"].startswith("K, B or G change with the scheduling variable")
 

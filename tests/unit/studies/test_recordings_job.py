@@ -13,7 +13,6 @@ import pandas as pd
 import pytest
 
 from ankleloop import save_trial, simulate
-from ankleloop.recordings import files
 from ankleloop.studies import recordings as job_of_recordings
 from ankleloop.studies.study import read_studies
 
@@ -84,10 +83,10 @@ def fail_on_bad(function, error):
     return change
 
 
-@pytest.mark.parametrize(("module", "name"), [(files, "analyse"), (job_of_recordings, "draw_figures")])
-def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, module, name):
+@pytest.mark.parametrize("name", ["analyse", "draw_figures"])
+def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, name):
     error = np.linalg.LinAlgError("SVD did not converge")
-    monkeypatch.setattr(module, name, fail_on_bad(getattr(module, name), error))
+    monkeypatch.setattr(job_of_recordings, name, fail_on_bad(getattr(job_of_recordings, name), error))
     table, folder = run_job()
     by_name = table.groupby("recording")["verdict"].first()
     assert by_name["bad"] == "refused" != by_name["good"]
@@ -111,7 +110,7 @@ def no_pages(monkeypatch):
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes cannot be forked safely")
 def test_a_killed_process_stops_the_job(run_job, monkeypatch):
     """As where memory was short: that is no result, and says nothing of the recording."""
-    monkeypatch.setattr(files, "analyse", fail_on_bad(files.analyse, signal.SIGKILL))
+    monkeypatch.setattr(job_of_recordings, "analyse", fail_on_bad(job_of_recordings.analyse, signal.SIGKILL))
     message = r"recording bad, .*bad\.nc: the process of the analysis was killed"
     with pytest.raises(SystemExit, match=message):
         run_job("good", "bad", "after")
@@ -119,7 +118,8 @@ def test_a_killed_process_stops_the_job(run_job, monkeypatch):
 
 @pytest.mark.usefixtures("no_pages")
 def test_mistakes_in_the_program_stop_the_job(run_job, monkeypatch):
-    monkeypatch.setattr(files, "analyse", fail_on_bad(files.analyse, TypeError("no such option")))
+    change = fail_on_bad(job_of_recordings.analyse, TypeError("no such option"))
+    monkeypatch.setattr(job_of_recordings, "analyse", change)
     message = (
         r"rule recordings, study laboratory, chunk 0; recording bad, .*bad\.nc: TypeError: no such option \(The log"
     )
