@@ -14,6 +14,7 @@ import io
 import os
 import platform
 import stat
+import threading
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -34,6 +35,7 @@ NAME, NODE = 40, 30  # characters in the name of a partial file; file systems al
 MARK = b"\nankleloop: SHA-256 of all before this line: "
 LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size + 1
 PIECE = 1 << 20
+_lock = threading.Lock()
 
 
 class UnreadableError(Exception):
@@ -92,8 +94,9 @@ def atomic_file(path: PathLike, *, overwrite: bool = False) -> Iterator[Path]:
         yield partial
         with open(partial, "rb+") as file:  # a power cut must not leave the name without the content
             os.fsync(file.fileno())
-        check_output(path, overwrite=overwrite)  # others may have written it meanwhile
-        os.replace(partial, path)
+        with _lock:  # of two threads the later one sees the file of the earlier one
+            check_output(path, overwrite=overwrite)  # others may have written it meanwhile
+            os.replace(partial, path)
     except OSError as cause:
         if cause.filename is not None and Path(os.fsdecode(cause.filename)) != partial:  # of another file
             raise

@@ -28,11 +28,7 @@ MAX_DEGREE = 10  # of a drift
 
 
 def new_trial(
-    position: ArrayLike,
-    torque: ArrayLike,
-    sampling_rate: float,
-    reference: ArrayLike | None = None,
-    **extras: Any,
+    position: ArrayLike, torque: ArrayLike, sampling_rate: float, reference: ArrayLike | None = None, **extras: Any
 ) -> xr.Dataset:
     """Make a trial from arrays, and check it.
 
