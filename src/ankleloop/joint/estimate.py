@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.models import Model, TimeVaryingModel
+from ankleloop.joint.models import Model
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import MEASURED, torque_variable
 from ankleloop.quantities import QUANTITIES
@@ -131,11 +131,8 @@ class Estimate:
         if self.predictor is None:
             raise DataError(f"{self.method} has no fixed model to predict with: identify by another method.")
         prepared, predictor = prepare(trial), self.predictor
-        if isinstance(predictor, TimeVaryingModel):
-            torque, warnings = predictor.predict(prepared, cycle_onsets), predictor.check_range(prepared)
-        else:
-            torque, warnings = predictor.predict(prepared), predictor.inputs.check_range(prepared)
-        warnings = [*self.diagnostics.get("warnings", ()), *warnings]
+        torque = predictor.predict(prepared, cycle_onsets)
+        warnings = [*self.diagnostics.get("warnings", ()), *predictor.check_range(prepared)]
         prediction = replace(self, torque=torque, diagnostics={**self.diagnostics, "warnings": warnings})
         add_measured(prediction, prepared)
         return prediction

@@ -33,17 +33,10 @@ class ReflexPath:
     rank_one: float = 1.0
     low_pass: float = 1.0  # share of that system's response that the low-pass explains
 
-    def torque(self, velocity: np.ndarray) -> np.ndarray:
-        """Torque at a velocity, beyond that at rest.
-
-        Shapes: velocity (N,); returns (N,).
-        """
-        return self.coefficients @ (self.basis(np.asarray(velocity, dtype=float)) - self.basis(np.zeros(1)))
-
     def curve(self) -> dict[str, np.ndarray]:
-        """Torque [N·m] over the quantiles of the velocity [rad/s], for a picture."""
+        """Torque beyond that at rest [N·m] over the quantiles of the velocity [rad/s]."""
         velocity = self.basis.quantiles
-        return {"velocity": velocity, "torque": self.torque(velocity)}
+        return {"velocity": velocity, "torque": self.coefficients @ (self.basis(velocity) - self.basis(np.zeros(1)))}
 
     @cached_property
     def rectifier(self) -> tuple[float, float, float]:
@@ -53,8 +46,7 @@ class ReflexPath:
         """
         if self.basis.kind == "rectifier":
             return float(self.coefficients[0]), 0.0, 1.0
-        velocity = self.basis.quantiles
-        torque = self.torque(velocity)
+        velocity, torque = self.curve().values()
         deviation = torque - torque.mean()
         low, high = velocity[0], velocity[-3]
         for _ in range(3):  # ever finer grids: the criterion has kinks, and may have several minima

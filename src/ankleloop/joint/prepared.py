@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from copy import copy
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import xarray as xr
@@ -19,23 +19,20 @@ from ankleloop.trials.validation import validate
 
 NO_REFERENCE = "Give the command of the servo as reference, or reference='position' for an open-loop record."
 
-Value = TypeVar("Value")
-Arguments = ParamSpec("Arguments")
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def once(
-    function: Callable[Concatenate[PreparedTrial, Arguments], Value],
-) -> Callable[Concatenate[PreparedTrial, Arguments], Value]:
+def once(function: Function) -> Function:
     """Decorate a function of a prepared trial: its value for each set of further arguments is computed once."""
 
     @wraps(function)
-    def compute_once(trial: PreparedTrial, *arguments: Arguments.args, **options: Arguments.kwargs) -> Value:
+    def compute_once(trial: PreparedTrial, *arguments: Any, **options: Any) -> Any:
         key = (function, *arguments, *options.items())
         if key not in trial.computed:
             trial.computed[key] = function(trial, *arguments, **options)
         return trial.computed[key]
 
-    return compute_once
+    return cast(Function, compute_once)
 
 
 class PreparedTrial:

@@ -93,7 +93,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     *lagged, target = _compress(trial, regressors, leads, longest)
     responses, history, converged = _alternate(lagged, target[:, 0], options)
     model = ResponseModel(ModelInputs.of(regressors), *responses)
-    torque = model.simulate(regressors)
+    torque = model.simulate(trial, regressors)
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
     path = separate_response(responses[1], spectra, rate, regressors.basis)
     unconverged = not converged and options.max_passes is None
