@@ -69,11 +69,6 @@ class Regressors:
         return np.split(self.inputs - self.inputs.mean(axis=0), [MOTION], axis=1)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Name of every input."""
-        return (*INTRINSIC_NAMES, *self.basis.names)
-
-    @property
     def reflex(self) -> np.ndarray:
         """Boolean mask of the inputs of the reflex path, shape (3 + k,)."""
         return np.arange(self.inputs.shape[1]) >= MOTION
