@@ -178,9 +178,7 @@ def true_trajectories(trial: xr.Dataset | PreparedTrial, trajectories: xr.Datase
     known = {dimension, *TRAJECTORY_TRUTHS.values()} <= set(map(str, prepared.trial.variables))
     if dimension is None or not known or (trajectories is not None and dimension not in trajectories.dims):
         return None
-    place = prepared.samples(dimension)
-    if dimension == "time":
-        place = place - place[0]
+    place = prepared.samples(dimension) - (prepared.time[0] if dimension == "time" else 0.0)
     if trajectories is None:
         coordinate = np.linspace(0.0 if dimension == "phase" else place.min(), place.max(), PLACES)
         coordinate[-1] = 1.0 if dimension == "phase" else coordinate[-1]
@@ -205,11 +203,10 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
     truths = true_trajectories(prepared, estimate.trajectories)
     if truths is None:
         return {}
-    places = next(iter(truths.sizes.values()))
     values = estimate.trajectories if estimate.trajectories is not None else _list_parameters(estimate)
     row: dict[str, float] = {}
     for name, truth in truths.items():
-        curves = [np.broadcast_to(values[f"{name}{end}"], places) for end in ENDS if f"{name}{end}" in values]
+        curves = [np.broadcast_to(values[f"{name}{end}"], truth.shape) for end in ENDS if f"{name}{end}" in values]
         if curves:
             row |= {f"{name}_{score}": value for score, value in _score(truth.values, *curves).items()}
             rise = _mean_rise(truth, curves[0], prepared.trial.attrs)

@@ -15,7 +15,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.models import Model
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import MEASURED, torque_variable
+from ankleloop.joint.regressors import MEASURED, torque_dataset
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.vaf import vaf
 from ankleloop.subspace.matrices import Matrices
@@ -232,4 +232,4 @@ def add_measured(estimate: Estimate, trial: PreparedTrial) -> None:
     """Put the measured torque of a trial, less its mean, beside those of an estimate, at their times."""
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
     values = trial.channel_at("torque", time, rate)
-    estimate.torque[MEASURED] = torque_variable(MEASURED, values - values.mean())
+    estimate.torque[MEASURED] = torque_dataset(time, rate, measured=values - values.mean())[MEASURED]

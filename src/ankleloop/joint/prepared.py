@@ -102,8 +102,7 @@ class PreparedTrial:
     @once
     def motion(self, grid: Grid) -> list[np.ndarray]:
         """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
-        position = self.samples("position")
-        return [decimate(position, *grid, rate=self.rate, derivative=order) for order in range(3)]
+        return [decimate(self.samples("position"), *grid, rate=self.rate, derivative=order) for order in range(3)]
 
     @once
     def regressors(
