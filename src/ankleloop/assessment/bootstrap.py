@@ -74,8 +74,7 @@ class Bootstrap:
                 f"an interval of level {level:g} needs at least {fewest} samples, one for each tail; there are "
                 f"{len(self.samples)}: repeat more often, or take a lower level."
             )
-        tail = 50.0 * (1.0 - level)
-        ends = {name: np.percentile(values, [tail, 100.0 - tail]) for name, values in self.samples.items()}
+        ends = self.samples.quantile([0.5 * (1.0 - level), 0.5 * (1.0 + level)])
         return {str(name): (float(low), float(high)) for name, (low, high) in ends.items()}
 
     def standard_errors(self) -> dict[str, float]:
@@ -157,28 +156,27 @@ def block_bootstrap(
         raise DataError(
             f"the estimate covers {residual.size / rate:.3g} s, less than ten blocks of {block:g} s: take shorter ones."
         )
-    names = list(_sample_row(original, estimate))
     rng = np.random.default_rng(seed)
     rows: list[dict[str, float]] = []
-    failed, reason = 0, ""
+    reason = "a parameter could not be estimated."
     for _ in range(repetitions):
         # Blocks of the residual, whose end continues at its start.
         starts = rng.integers(0, residual.size, -(-residual.size // length))
         blocks = residual[(starts[:, None] + np.arange(length)).ravel()[: residual.size] % residual.size]
         resampled = _change_torque(original, time, rate, blocks - blocks.mean() - residual)
         try:
-            row = _sample_row(resampled, identify(resampled, method, **options))
-            if not np.isfinite([row.get(name, np.nan) for name in names]).all():
-                raise DataError("a parameter could not be estimated.")
-            rows.append({name: row[name] for name in names})
+            rows.append(_sample_row(resampled, identify(resampled, method, **options)))
         except NUMERICAL_ERRORS as error:
-            failed, reason = failed + 1, str(error)
-    if len(rows) < max(2.0, LEAST_SHARE * repetitions):
+            reason = str(error)
+    samples = pd.DataFrame(rows, columns=list(_sample_row(original, estimate)), dtype=float)
+    samples = samples.replace([np.inf, -np.inf], np.nan).dropna(ignore_index=True)
+    failed = repetitions - len(samples)
+    if len(samples) < max(2.0, LEAST_SHARE * repetitions):
         raise DataError(
             f"{method} failed on {failed} of {repetitions} resampled records, but an interval needs "
             f"{LEAST_SHARE:.0%} of them. The last one failed with: {reason}"
         )
-    return Bootstrap(estimate, pd.DataFrame(rows), failed)
+    return Bootstrap(estimate, samples, failed)
 
 
 def _change_torque(trial: PreparedTrial, time: np.ndarray, rate: float, change: np.ndarray) -> PreparedTrial:

@@ -93,7 +93,8 @@ def cramer_rao(
     check_flag("cramer_rao", "fed_back", fed_back)
     check_flag("cramer_rao", "known_delay", known_delay)
     values = SimulationSettings.parse("cramer_rao", **settings)
-    names, information = fisher_information(seed, values, rate, fed_back=fed_back, known_delay=known_delay)
+    clean = prepare(_simulate_clean(seed, values))
+    names, information = fisher_information(clean, values, rate, fed_back=fed_back, known_delay=known_delay)
     deviations = np.sqrt(np.diag(invert_information(information, names)))
     return dict(zip(names, deviations.tolist(), strict=True))
 
@@ -121,18 +122,17 @@ def invert_information(information: np.ndarray, names: Sequence[str] | None = No
 
 
 def fisher_information(
-    seed: int | np.random.SeedSequence,
+    clean: PreparedTrial,
     settings: SimulationSettings,
     rate: float = 100.0,
     *,
     fed_back: bool = True,
     known_delay: bool = True,
-    clean: PreparedTrial | None = None,
     spectrum: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> tuple[list[str], np.ndarray]:
     """Names of the parameters, and the information of one trial, whose inverse gives the variances of `cramer_rao`.
 
-    The trial without disturbances, and the spectrum of these over frequency, may be given.
+    `clean` is the trial without disturbances; the spectrum of these over frequency may be given.
 
     Shapes: returns information (parameters, parameters).
     """
@@ -142,7 +142,6 @@ def fisher_information(
                 "the bound is derived for constant parameters, random disturbances and a rectifier at zero velocity: "
                 f"{name} must be {'null' if name == 'variation' else 0}, got {value}."
             )
-    clean = clean or prepare(_simulate_clean(seed, settings))
     regressors = clean.regressors(delay=settings.delay, basis="rectifier", identification_rate=rate)
     band = pass_band(regressors.torque.size, regressors.rate)
     names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, settings, known_delay)
@@ -290,9 +289,9 @@ def trajectory_bound(
             "set variation (the bound of a constant joint is that of cramer_rao), reflex_threshold=0, and snr_db or "
             "voluntary."
         )
-    equations, parameters = linearise(seed, values, counts, rate, known_delay=known_delay)
+    equations, parameters, information = trajectory_information(seed, values, counts, rate, known_delay=known_delay)
     bases, course = equations.bases, equations.course
-    covariance = invert_information(trajectory_information(seed, values, equations, parameters))
+    covariance = invert_information(information)
     places = np.linspace(0.0, 1.0, PLACES)
     low, high = course.limits
     bound = xr.Dataset(coords={course.dimension: low + (high - low) * places})
@@ -311,15 +310,21 @@ def trajectory_bound(
     return bound
 
 
-def linearise(
+def trajectory_information(
     seed: int | np.random.SeedSequence,
     settings: SimulationSettings,
     knots: Sequence[int],
     rate: float = 100.0,
     *,
     known_delay: bool = True,
-) -> tuple[TimeVaryingEquations, Parameters]:
-    """Equations of a trial without disturbances, and the parameters that are closest to the true ones."""
+) -> tuple[TimeVaryingEquations, Parameters, np.ndarray]:
+    """Equations of a trial without disturbances, parameters that are closest to the true ones, and their information.
+
+    The inverse of the information gives the variances of `trajectory_bound`.
+
+    Shapes: information (unknowns, unknowns): coefficients of K and B, the inertia, coefficients of G, logarithms of the
+    dynamics, and the delay [s].
+    """
     clean = prepare(_simulate_clean(seed, settings))
     given = {"identification_rate": rate, "delay": settings.delay, "knots": knots, **COURSES[str(settings.variation)]}
     equations = TimeVaryingEquations(clean, RivTvOptions.parse("trajectory_bound", reference="position", **given))
@@ -329,20 +334,7 @@ def linearise(
         truth = clean.channel(name, equations.grid)[course.rows]
         linear[block] = np.linalg.lstsq(splines(course.place[course.rows]), truth, rcond=1e-12)[0]
     dynamics = ReflexDynamics(settings.omega_n, settings.zeta, settings.pole)
-    return equations, Parameters(linear, dynamics, delays=() if known_delay else ("delay",))
-
-
-def trajectory_information(
-    seed: int | np.random.SeedSequence,
-    settings: SimulationSettings,
-    equations: TimeVaryingEquations,
-    parameters: Parameters,
-) -> np.ndarray:
-    """Information of one trial, whose inverse gives the variances of `trajectory_bound`.
-
-    Shapes: returns (unknowns, unknowns): coefficients of K and B, the inertia, coefficients of G, logarithms of the
-    dynamics, and the delay [s].
-    """
+    parameters = Parameters(linear, dynamics, delays=() if known_delay else ("delay",))
     # The torque that the perturbation alone causes is the unit of the disturbances.
     still = _simulate_clean(seed, settings, movement=0.0, locked_torque=0.0)
     inside, density = equations.inside, np.ones(equations.frequency.size)
@@ -351,4 +343,4 @@ def trajectory_information(
     # White noise has the variance of a density up to half of the rate.
     weight = np.where(inside, 1.0 / np.sqrt(0.5 * equations.rate * density), 0.0)
     whiten = equations.whitener(weight, np.ones(equations.rows.stop - equations.rows.start))
-    return equations.system(parameters, whiten).information
+    return equations, parameters, equations.system(parameters, whiten).information

@@ -140,8 +140,9 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     if set(prepared.trial.data_vars) >= TORQUE_TRUTHS and np.ptp(prepared.samples("torque_noise")) > 0:
         row["in_band_snr_db"] = in_band_snr(prepared, estimate)
     row |= {name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics}
-    if "torque_reflex" in prepared.trial and "poles" in estimate.diagnostics:
-        row |= _pole_error(np.asarray(estimate.diagnostics["poles"]), estimate, prepared.trial.attrs)
+    settings = prepared.trial.attrs if "torque_reflex" in prepared.trial else {}
+    if {"omega_n", "zeta"} <= set(settings) and "poles" in estimate.diagnostics:
+        row |= _pole_error(np.asarray(estimate.diagnostics["poles"]), estimate, settings)
     if selection := estimate.diagnostics.get("selection"):
         chosen = selection["chosen"].items()
         scores = next(found["scores"] for found in selection["candidates"] if chosen <= found.items())
@@ -163,8 +164,6 @@ def _list_parameters(estimate: Estimate) -> dict[str, float]:
 
 def _pole_error(poles: np.ndarray, estimate: Estimate, settings: Mapping[str, Any]) -> dict[str, float]:
     """Largest distance between a pole and the true one that it stands for; none for a model of another order."""
-    if not {"omega_n", "zeta"} <= set(settings):
-        return {}
     dynamics = ReflexDynamics(settings["omega_n"], settings["zeta"], settings.get("pole"))
     truth = np.linalg.eigvals(dynamics.matrices(estimate.torque.attrs["identification_rate"])[0])
     if poles.size != truth.size:
@@ -176,18 +175,15 @@ def true_trajectories(trial: xr.Dataset | PreparedTrial, trajectories: xr.Datase
     """True K, B and G of a simulated trial over what they vary with."""
     prepared = prepare(trial)
     dimension = DIMENSIONS.get(str(prepared.trial.attrs.get("variation")))
-    if dimension is None or not {dimension, *TRAJECTORY_TRUTHS.values()} <= set(map(str, prepared.trial.variables)):
+    known = {dimension, *TRAJECTORY_TRUTHS.values()} <= set(map(str, prepared.trial.variables))
+    if dimension is None or not known or (trajectories is not None and dimension not in trajectories.dims):
         return None
-    place = prepared.samples(dimension)
-    if dimension == "time":
-        place = place - place[0]
+    place = prepared.samples(dimension) - (prepared.time[0] if dimension == "time" else 0.0)
     if trajectories is None:
         coordinate = np.linspace(0.0 if dimension == "phase" else place.min(), place.max(), PLACES)
         coordinate[-1] = 1.0 if dimension == "phase" else coordinate[-1]
-    elif dimension in trajectories.dims:
-        coordinate = trajectories[dimension].values
     else:
-        return None
+        coordinate = trajectories[dimension].values
     order = np.argsort(place, kind="stable")
     period = 1.0 if dimension == "phase" else None
     values = {
@@ -207,11 +203,10 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
     truths = true_trajectories(prepared, estimate.trajectories)
     if truths is None:
         return {}
-    places = next(iter(truths.sizes.values()))
     values = estimate.trajectories if estimate.trajectories is not None else _list_parameters(estimate)
     row: dict[str, float] = {}
     for name, truth in truths.items():
-        curves = [np.broadcast_to(values[f"{name}{end}"], places) for end in ENDS if f"{name}{end}" in values]
+        curves = [np.broadcast_to(values[f"{name}{end}"], truth.shape) for end in ENDS if f"{name}{end}" in values]
         if curves:
             row |= {f"{name}_{score}": value for score, value in _score(truth.values, *curves).items()}
             rise = _mean_rise(truth, curves[0], prepared.trial.attrs)

@@ -107,9 +107,7 @@ class Experiment:
     def variances(self, commands: Iterable[np.ndarray]) -> dict[str, float]:
         """Variance of every parameter by `riv` from a record with such a command: its noise spectrum is an estimate."""
         clean = map(self.respond, commands)
-        parts = [
-            fisher_information(0, self.settings, fed_back=False, clean=trial, spectrum=self.spectrum) for trial in clean
-        ]
+        parts = [fisher_information(trial, self.settings, fed_back=False, spectrum=self.spectrum) for trial in clean]
         names, information = parts[0][0], np.mean([information for _, information in parts], axis=0)
         band = pass_band(round((self.settings.duration - LOST) * RATE), RATE)
         factor = 1.0 + 2.0 * band.smoothing_variance(NOISE_RESOLUTION)  # as in `asymptotic_covariance`

@@ -28,8 +28,7 @@ class ReflexDynamics:
     @property
     def values(self) -> dict[str, float]:
         """Parameters by name."""
-        values = {"omega_n": self.omega_n, "zeta": self.zeta}
-        return values if self.pole is None else {**values, "pole": self.pole}
+        return {name: value for name, value in vars(self).items() if value is not None}
 
     @staticmethod
     @cache

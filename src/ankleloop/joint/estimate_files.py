@@ -266,8 +266,6 @@ def _mark(value: Any) -> Any:
     if isinstance(value, xr.Variable):  # of a group, whose fields are read as numbers of a shape
         return value.values.tolist()
     if isinstance(value, np.ndarray):
-        if value.dtype.kind not in "biufc":
-            raise TypeError(f"an array of type {value.dtype} cannot be kept in diagnostics")
         return {ARRAY: value.ravel().tolist(), "dtype": str(value.dtype), "shape": list(value.shape)}
     if isinstance(value, np.generic):
         return value.item()

@@ -12,7 +12,6 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics, fit_dynamics
 from ankleloop.joint.model_fields import Stored
 from ankleloop.signals.spectra import pass_band
-from ankleloop.subspace.matrices import Matrices
 
 BIN = 0.2  # Hz
 CANDIDATES = 60  # thresholds on a grid
@@ -33,17 +32,10 @@ class ReflexPath:
     rank_one: float = 1.0
     low_pass: float = 1.0  # share of that system's response that the low-pass explains
 
-    def torque(self, velocity: np.ndarray) -> np.ndarray:
-        """Torque at a velocity, beyond that at rest.
-
-        Shapes: velocity (N,); returns (N,).
-        """
-        return self.coefficients @ (self.basis(np.asarray(velocity, dtype=float)) - self.basis(np.zeros(1)))
-
     def curve(self) -> dict[str, np.ndarray]:
-        """Torque [N·m] over the quantiles of the velocity [rad/s], for a picture."""
+        """Torque beyond that at rest [N·m] over the quantiles of the velocity [rad/s]."""
         velocity = self.basis.quantiles
-        return {"velocity": velocity, "torque": self.torque(velocity)}
+        return {"velocity": velocity, "torque": self.coefficients @ (self.basis(velocity) - self.basis(np.zeros(1)))}
 
     @cached_property
     def rectifier(self) -> tuple[float, float, float]:
@@ -53,8 +45,7 @@ class ReflexPath:
         """
         if self.basis.kind == "rectifier":
             return float(self.coefficients[0]), 0.0, 1.0
-        velocity = self.basis.quantiles
-        torque = self.torque(velocity)
+        velocity, torque = self.curve().values()
         deviation = torque - torque.mean()
         low, high = velocity[0], velocity[-3]
         for _ in range(3):  # ever finer grids: the criterion has kinks, and may have several minima
@@ -137,8 +128,8 @@ class DriveSpectra(NamedTuple):
         return cls(2j * np.pi * centres, np.moveaxis(np.add.reduceat(products, starts, axis=2), 2, 0), root)
 
 
-def separate_model(matrices: Matrices, spectra: DriveSpectra, basis: Basis, order: int = 2) -> ReflexPath:
-    r"""Separate the reflex path of a linear model into a static nonlinearity and linear dynamics.
+def separate_path(responses: np.ndarray, spectra: DriveSpectra, basis: Basis, order: int = 2) -> ReflexPath:
+    r"""Separate responses to the basis functions, at `spectra.s`, into a static nonlinearity and linear dynamics.
 
     The responses of a Hammerstein system to its basis functions are one response times a coefficient each. So the
     matrix of impulse responses, in the metric R of the inputs' covariance, is approximated by one of rank one,
@@ -147,13 +138,14 @@ def separate_model(matrices: Matrices, spectra: DriveSpectra, basis: Basis, orde
 
     and g by a low-pass (the two-stage idea of Bai 1998).
 
+    Shapes: responses (bins, k).
+
     References
     ----------
     E.-W. Bai, "An optimal two-stage identification algorithm for Hammerstein-Wiener nonlinear systems", Automatica
     34(3), 333-338, 1998.
     """
     s, power, root = spectra.s, spectra.power, spectra.root
-    responses = matrices.frequency_response(np.exp(s * matrices.dt))
     autospectra = np.einsum("fkk->fk", power)
     weight = np.mean(autospectra / autospectra.sum(axis=0), axis=1)
     weighted = np.sqrt(weight)[:, None] * (responses @ root)
@@ -166,16 +158,6 @@ def separate_model(matrices: Matrices, spectra: DriveSpectra, basis: Basis, orde
     gain, dynamics, share = fit_dynamics(response, s, input_power, order)
     rank_one = float(values[0] ** 2 / np.sum(values**2))
     return ReflexPath(basis, gain * coefficients, dynamics, rank_one, share)
-
-
-def separate_response(response: np.ndarray, spectra: DriveSpectra, rate: float, basis: Basis) -> ReflexPath:
-    """Separate the impulse response to a single reflex input into a gain and second-order dynamics.
-
-    Shapes: response (lags,).
-    """
-    frequency_response = np.polyval(response[::-1], np.exp(-spectra.s / rate))
-    gain, dynamics, share = fit_dynamics(frequency_response, spectra.s, spectra.power[:, 0, 0])
-    return ReflexPath(basis, np.array([gain]), dynamics, low_pass=share)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator, Sequence
 from types import NoneType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
@@ -16,39 +17,35 @@ Part = TypeVar("Part")
 class Stored(NamedTuple):
     """How a file holds a field of a dataclass."""
 
-    dimension: str | None = None  # of an array; None for a number or a text
+    dimension: str | tuple[()] = ()  # of an array; none for a number or a text
     unit: str = ""
     name: str = ""  # in the file, where it is another one
 
 
-def as_variable(value: Any, *dimensions: str, unit: str = "") -> xr.Variable:
+def as_variable(value: Any, dimensions: str | Sequence[str] = (), unit: str = "") -> xr.Variable:
     """A value of a file with its dimensions and its unit."""
     return xr.Variable(dimensions, value, {"units": unit} if unit else {})
 
 
-def _list_fields(kind: type) -> list[tuple[str, Any, Stored | None]]:
+def _list_fields(kind: type) -> Iterator[tuple[str, Any, Stored | None]]:
     """Name, type and declaration, None for a dataclass, of each field that is stored."""
-    types, fields = get_type_hints(kind, include_extras=True), []
-    for field in dataclasses.fields(kind):
-        expected = types[field.name]
-        if get_origin(expected) is Annotated:
-            fields.append((field.name, expected.__origin__, expected.__metadata__[0]))
-        elif dataclasses.is_dataclass(expected):
-            fields.append((field.name, expected, None))
-    return fields
+    for field, declared in get_type_hints(kind, include_extras=True).items():
+        if get_origin(declared) is Annotated:
+            yield field, *get_args(declared)
+        elif dataclasses.is_dataclass(declared):
+            yield field, declared, None
 
 
 def dump_fields(part: Any) -> dict[str, str | xr.Variable]:
     """Texts and variables of a dataclass and of those in it, by name; without those that are None."""
     values: dict[str, str | xr.Variable] = {}
-    for name, _, stored in _list_fields(type(part)):
-        value = getattr(part, name)
+    for field, _, stored in _list_fields(type(part)):
+        value = getattr(part, field)
         if stored is None:
             values |= dump_fields(value)
         elif value is not None:
-            dimensions = [stored.dimension] if stored.dimension else []
-            text = isinstance(value, str)
-            values[stored.name or name] = value if text else as_variable(value, *dimensions, unit=stored.unit)
+            variable = value if isinstance(value, str) else as_variable(value, stored.dimension, stored.unit)
+            values[stored.name or field] = variable
     return values
 
 
@@ -60,7 +57,7 @@ def read_fields(kind: type[Part], fields: Fields, **values: Any) -> Part:
             continue
         if stored is None:
             values[field] = read_fields(expected, fields)
-        elif NoneType in get_args(expected) and name not in fields.values:
+        elif name not in fields.values and NoneType in get_args(expected):
             values[field] = None
         elif stored.dimension:
             values[field] = fields.array(name)

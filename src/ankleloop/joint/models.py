@@ -71,19 +71,6 @@ class ModelInputs:
             omitted_step=self.omitted_step,
         )
 
-    def check_range(self, trial: PreparedTrial) -> list[str]:
-        """Warning about velocities for which the basis functions were not fitted."""
-        knots, scale = self.basis.knots, self.basis.scale
-        low, high = (float(knots[0]), float(knots[-1])) if knots.size else (-scale, scale)
-        velocity, margin = trial.velocity(self.delay), RIPPLE * (high - low)
-        outside = (velocity < low - margin) | (velocity > high + margin)
-        if self.basis.kind == "rectifier" or not outside.any():
-            return []
-        return [
-            f"the velocity of this trial goes from {velocity.min():.3g} to {velocity.max():.3g} rad/s, and the "
-            f"{self.basis.kind} basis was fitted from {low:.3g} to {high:.3g} rad/s: the reflex torque is extrapolated."
-        ]
-
     def kernels(self) -> dict[str, xr.Variable]:
         """Kernels of `decimate` and `differentiate` as plain sums of kernel · x(n - lag) over recorded samples n.
 
@@ -99,34 +86,59 @@ class ModelInputs:
         taps, half, whole = velocity_taps(self.recording_rate, self.delay)
         decimation_lags, velocity_lags = np.arange(-margin, margin + 1), np.arange(-half, half + 1) + whole
         return {
-            "decimation_kernel": as_variable(np.array(kernels), "derivative", "decimation_lag"),
-            "decimation_lag": as_variable(decimation_lags, "decimation_lag", unit="recorded samples"),
-            "velocity_kernel": as_variable(taps, "velocity_lag", unit="1/s"),
-            "velocity_lag": as_variable(velocity_lags, "velocity_lag", unit="recorded samples"),
+            "decimation_kernel": as_variable(np.array(kernels), ("derivative", "decimation_lag")),
+            "decimation_lag": as_variable(decimation_lags, "decimation_lag", "recorded samples"),
+            "velocity_kernel": as_variable(taps, "velocity_lag", "1/s"),
+            "velocity_lag": as_variable(velocity_lags, "velocity_lag", "recorded samples"),
         }
 
 
 @dataclass(frozen=True, eq=False)
-class StateSpaceModel:
-    """Linear model at the identification rate, as the MOESP family estimates it."""
+class JointModel:
+    """A model of the joint that predicts the torques of a trial."""
 
     inputs: ModelInputs  # how its inputs are made of a trial
+
+    def predict(self, trial: PreparedTrial, cycle_onsets: str | Sequence[float] | None = None) -> xr.Dataset:
+        """Torques of a trial, from a state of rest; a joint that changes may need the onsets of its cycles."""
+        return self.simulate(trial, self.inputs.regressors(trial))
+
+    def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
+        """Torques of a trial with these regressors."""
+        raise NotImplementedError
+
+    def check_range(self, trial: PreparedTrial) -> list[str]:
+        """Warning about velocities for which the basis functions were not fitted."""
+        basis = self.inputs.basis
+        low, high = (basis.knots[0], basis.knots[-1]) if basis.knots.size else (-basis.scale, basis.scale)
+        velocity, margin = trial.velocity(self.inputs.delay), RIPPLE * (high - low)
+        outside = (velocity < low - margin) | (velocity > high + margin)
+        if basis.kind == "rectifier" or not outside.any():
+            return []
+        return [
+            f"the velocity of this trial goes from {velocity.min():.3g} to {velocity.max():.3g} rad/s, and the "
+            f"{basis.kind} basis was fitted from {low:.3g} to {high:.3g} rad/s: the reflex torque is extrapolated."
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpaceModel(JointModel):
+    """Linear model at the identification rate, as the MOESP family estimates it."""
+
     matrices: Matrices  # A, B, C, D from the inputs to the torque, in physical units, labelled by `inputs`
     # Shape (n,): state at the first sample of the record that was fitted. Torques of another trial start at rest.
     initial_state: Annotated[np.ndarray, Stored("state")]
     kind: ClassVar[str] = "state-space"
 
-    def predict(self, trial: PreparedTrial) -> xr.Dataset:
-        """Torques of a trial, from a state of rest."""
-        regressors = self.inputs.regressors(trial)
+    def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
+        """Torques of a trial."""
         return torque_dataset(regressors.time, regressors.rate, **simulate_torques(self.matrices, None, regressors))
 
 
 @dataclass(frozen=True, eq=False)
-class PhysicalModel:
+class PhysicalModel(JointModel):
     """Physical parameters in continuous time, as refined instrumental variables estimate them."""
 
-    inputs: ModelInputs  # how its inputs are made of a trial
     stiffness: Annotated[np.ndarray, Stored("parameter")]  # shape (3,): K [N·m/rad], B [N·m·s/rad], I [kg·m²]
     coefficients: Annotated[np.ndarray, Stored("basis_function")]  # shape (k,): torque per basis function
     dynamics: ReflexDynamics  # low-pass of unit gain behind the basis functions
@@ -141,10 +153,6 @@ class PhysicalModel:
         D = np.concatenate([self.stiffness, D.item() * self.coefficients])[None, :]
         return self.inputs.label(Matrices(A, B, C, D, 1.0 / rate))
 
-    def predict(self, trial: PreparedTrial) -> xr.Dataset:
-        """Torques of a trial, from a state of rest."""
-        return self.simulate(trial, self.inputs.regressors(trial))
-
     def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
         """Torques of a trial; the dynamics act at the recording rate."""
         intrinsic = regressors.centred[0] @ self.stiffness
@@ -155,10 +163,9 @@ class PhysicalModel:
 
 
 @dataclass(frozen=True, eq=False)
-class ResponseModel:
+class ResponseModel(JointModel):
     """Two impulse responses at the identification rate, as the parallel cascade estimates them."""
 
-    inputs: ModelInputs  # how its inputs are made of a trial
     # Shape (2 l + 1,): response to the position per sample, from l samples before it to l samples after it [N·m/rad].
     intrinsic: Annotated[np.ndarray, Stored("intrinsic_lag", name="intrinsic_response", unit="N·m/rad")]
     # Shape (lags + 1,): response to the basis function of the delayed velocity per sample, from lag 0 on [N·m·s/rad].
@@ -170,15 +177,11 @@ class ResponseModel:
         """Lags of the responses."""
         rate, leads = self.inputs.identification_rate, self.intrinsic.size // 2
         return {
-            "intrinsic_lag": as_variable(np.arange(-leads, leads + 1) / rate, "intrinsic_lag", unit="s"),
-            "reflex_lag": as_variable(np.arange(self.reflex.size) / rate, "reflex_lag", unit="s"),
+            "intrinsic_lag": as_variable(np.arange(-leads, leads + 1) / rate, "intrinsic_lag", "s"),
+            "reflex_lag": as_variable(np.arange(self.reflex.size) / rate, "reflex_lag", "s"),
         }
 
-    def predict(self, trial: PreparedTrial) -> xr.Dataset:
-        """Torques of a trial, where all lags of its inputs are recorded."""
-        return self.simulate(self.inputs.regressors(trial))
-
-    def simulate(self, regressors: Regressors) -> xr.Dataset:
+    def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
         """Torques of a trial, where all lags of its inputs are recorded."""
         leads = self.intrinsic.size // 2
         rows = slice(max(leads, self.reflex.size - 1), regressors.torque.size - leads)
@@ -193,10 +196,9 @@ class ResponseModel:
 
 
 @dataclass(frozen=True, eq=False)
-class TimeVaryingModel:
+class TimeVaryingModel(JointModel):
     """K, B, G and I as splines, and the low-pass of the reflex behind the gain."""
 
-    inputs: ModelInputs  # delay and rates of its inputs
     # What K, B and G are functions of, and the variable of a trial that holds it; none where onsets come as numbers.
     dimension: Annotated[str, Stored()]
     variable: Annotated[str | None, Stored()]
@@ -224,19 +226,19 @@ class TimeVaryingModel:
         """Torques of a trial, from a state of rest."""
         grid = trial.grid(self.inputs.identification_rate, self.inputs.delay)
         if self.dimension != "phase":
-            return self.simulate(trial, grid, np.clip(self._share(trial, grid), 0.0, 1.0))
+            return self.torques(trial, grid, np.clip(self._share(trial, grid), 0.0, 1.0))
         onsets = self.variable if cycle_onsets is None else cycle_onsets
         if onsets is None:
             raise DataError("the model varies with the cycle: give predict the cycle_onsets of this trial.")
         place = cycle_place(trial.grid_times(grid), find_onsets(trial, onsets), 0.5 / trial.rate)
-        return self.simulate(trial, grid, place)
+        return self.torques(trial, grid, place)
 
     def _share(self, trial: PreparedTrial, grid: Grid) -> np.ndarray:
         """Time or scheduling variable as a share of the range that was fitted, shape (N,); not clipped."""
         values = course_values(trial, grid, self.variable if self.dimension == "schedule" else None)
         return (values - self.limits[0]) / (self.limits[1] - self.limits[0])
 
-    def simulate(self, trial: PreparedTrial, grid: Grid, place: np.ndarray) -> xr.Dataset:
+    def torques(self, trial: PreparedTrial, grid: Grid, place: np.ndarray) -> xr.Dataset:
         """Torques of a trial whose samples are at known places.
 
         Shapes: place (N,).
@@ -298,17 +300,17 @@ def model_dataset(model: Model, *, complete: bool = True) -> xr.Dataset:
     names: dict[str, Any] = {}
     if m := model.matrices:
         fields |= {
-            "A": as_variable(m.A, "next_state", "state"),
-            "B": as_variable(m.B, "next_state", "input"),
-            "C": as_variable(m.C, "output", "state"),
-            "D": as_variable(m.D, "output", "input"),
+            "A": as_variable(m.A, ("next_state", "state")),
+            "B": as_variable(m.B, ("next_state", "input")),
+            "C": as_variable(m.C, ("output", "state")),
+            "D": as_variable(m.D, ("output", "input")),
         }
     if complete:
         names["basis_function"] = list(model.inputs.basis.names)
         fields |= model.inputs.kernels()
         if m and m.names:
             names |= dict(zip(("input", "output"), map(list, m.names), strict=True))
-            fields["input_delay"] = as_variable(np.array(m.input_delays), "input", unit="s")
+            fields["input_delay"] = as_variable(np.array(m.input_delays), "input", "s")
         if isinstance(model, ResponseModel):
             fields |= model.lags()
     texts = {name: value for name, value in fields.items() if isinstance(value, str)}
@@ -322,11 +324,9 @@ def simulate_torques(
 
     Shapes: initial_state (n,); returns (N,).
     """
-    paths = []
-    masks, states = (~regressors.reflex, regressors.reflex), (None, initial_state)
-    for u, mask, state in zip(regressors.centred, masks, states, strict=True):
-        B, D = model.B[:, mask], model.D[:, mask]
-        torque = simulate_response(model.A, B, model.C, D, u, state)[:, 0]
+    paths, inputs = [], (slice(MOTION), slice(MOTION, None))
+    for u, columns, state in zip(regressors.centred, inputs, (None, initial_state), strict=True):
+        torque = simulate_response(model.A, model.B[:, columns], model.C, model.D[:, columns], u, state)[:, 0]
         if not np.isfinite(torque).all():
             raise DataError(
                 "the estimated torques are not finite: the model does not suit the record; lower its order."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from copy import copy
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import xarray as xr
@@ -19,23 +19,20 @@ from ankleloop.trials.trial import validate
 
 NO_REFERENCE = "Give the command of the servo as reference, or reference='position' for an open-loop record."
 
-Value = TypeVar("Value")
-Arguments = ParamSpec("Arguments")
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def once(
-    function: Callable[Concatenate[PreparedTrial, Arguments], Value],
-) -> Callable[Concatenate[PreparedTrial, Arguments], Value]:
+def once(function: Function) -> Function:
     """Decorate a function of a prepared trial: its value for each set of further arguments is computed once."""
 
     @wraps(function)
-    def compute_once(trial: PreparedTrial, *arguments: Arguments.args, **options: Arguments.kwargs) -> Value:
+    def compute_once(trial: PreparedTrial, *arguments: Any, **options: Any) -> Any:
         key = (function, *arguments, *options.items())
         if key not in trial.computed:
             trial.computed[key] = function(trial, *arguments, **options)
         return trial.computed[key]
 
-    return compute_once
+    return cast(Function, compute_once)
 
 
 class PreparedTrial:
@@ -46,8 +43,8 @@ class PreparedTrial:
 
     >>> from ankleloop.simulation.simulate import simulate
     >>> trial = PreparedTrial(simulate(seed=1, duration=5.0))
-    >>> trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0).names
-    ('position', 'velocity', 'acceleration', 'rectified_velocity')
+    >>> trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0).inputs.shape
+    (430, 4)
     """
 
     def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
@@ -105,8 +102,7 @@ class PreparedTrial:
     @once
     def motion(self, grid: Grid) -> list[np.ndarray]:
         """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
-        position = self.samples("position")
-        return [decimate(position, *grid, rate=self.rate, derivative=order) for order in range(3)]
+        return [decimate(self.samples("position"), *grid, rate=self.rate, derivative=order) for order in range(3)]
 
     @once
     def regressors(

@@ -69,11 +69,6 @@ class Regressors:
         return np.split(self.inputs - self.inputs.mean(axis=0), [MOTION], axis=1)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Name of every input."""
-        return (*INTRINSIC_NAMES, *self.basis.names)
-
-    @property
     def reflex(self) -> np.ndarray:
         """Boolean mask of the inputs of the reflex path, shape (3 + k,)."""
         return np.arange(self.inputs.shape[1]) >= MOTION
@@ -98,15 +93,7 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
     >>> torque["net"].attrs["units"], torque.attrs["identification_rate"]
     ('N·m', 100.0)
     """
-    variables = {name: torque_variable(name, values) for name, values in torques.items()}
+    names = {name: f"{'' if name == MEASURED else 'estimated '}{name} torque" for name in torques}
+    variables = {name: ("time", values, {"units": "N·m", "long_name": names[name]}) for name, values in torques.items()}
     coordinate = ("time", np.asarray(time, dtype=float), {"units": "s", "long_name": "time"})
     return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": float(rate)})
-
-
-def torque_variable(name: str, values: np.ndarray) -> tuple[str, np.ndarray, dict[str, str]]:
-    """A torque [N·m] over time, with its unit and name.
-
-    Shapes: values (N,).
-    """
-    long_name = f"{'' if name == MEASURED else 'estimated '}{name} torque"
-    return "time", values, {"units": "N·m", "long_name": long_name}

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, fit_basis, separate_model
+from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, fit_basis, separate_path
 from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors, torque_dataset
@@ -165,7 +165,6 @@ def subspace_arguments(options: MoespModelOptions, regressors: Regressors, membe
         "projection": options.projection or projection,
         "dt": 1.0 / options.identification_rate,
         "dynamic": regressors.reflex,
-        "names": (regressors.names, ("torque",)),
         "regression_tolerance": REGRESSION_TOLERANCE,
     }
 
@@ -175,7 +174,8 @@ def separate_reflex(model: SubspaceEstimate, regressors: Sequence[Regressors]) -
     first = regressors[0]
     spectra = DriveSpectra.of(np.concatenate([part.centred[1] for part in regressors]), first.rate)
     order = 3 if len(model.matrices.A) == 3 else 2
-    return separate_model(model.matrices.select_inputs(first.reflex), spectra, first.basis, order)
+    reflex = model.matrices.select_inputs(first.reflex)
+    return separate_path(reflex.frequency_response(np.exp(spectra.s / first.rate)), spectra, first.basis, order)
 
 
 def describe_model(

@@ -10,7 +10,7 @@ from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import DriveSpectra, separate_response
+from ankleloop.joint.hammerstein import DriveSpectra, separate_path
 from ankleloop.joint.models import ModelInputs, ResponseModel
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Regressors
@@ -92,9 +92,10 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     *lagged, target = _compress(trial, regressors, leads, longest)
     responses, history, converged = _alternate(lagged, target[:, 0], options)
     model = ResponseModel(ModelInputs.of(regressors), *responses)
-    torque = model.simulate(regressors)
+    torque = model.simulate(trial, regressors)
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
-    path = separate_response(responses[1], spectra, rate, regressors.basis)
+    reflex = np.polyval(responses[1][::-1], np.exp(-spectra.s / rate))[:, None]
+    path = separate_path(reflex, spectra, regressors.basis)
     warnings = [] if converged or options.max_passes else [f"no convergence within {PASS_CEILING} passes"]
     return Estimate(
         method="parallel-cascade",

@@ -55,13 +55,10 @@ def design_lowpass(
     # The differentiated kernel rings beyond the length of the kernel itself: a quarter of its length is added.
     half_length = half + max(8, half // 4)
     size = int(2 ** np.ceil(np.log2(8 * half_length)))
-    buffer = np.zeros(size)
-    buffer[: 2 * half + 1] = taps
+    padded = np.pad(taps, (0, size - taps.size))
     omega = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
-    spectrum = np.fft.rfft(np.roll(buffer, -half)) * omega**derivative * np.exp(-omega * shift / rate)
-    kernel = np.roll(np.fft.irfft(spectrum, size), half_length)[: 2 * half_length + 1]
-    kernel.setflags(write=False)
-    return kernel, half_length
+    spectrum = np.fft.rfft(np.roll(padded, -half)) * omega**derivative * np.exp(-omega * shift / rate)
+    return np.roll(np.fft.irfft(spectrum, size), half_length)[: 2 * half_length + 1], half_length
 
 
 @lru_cache(maxsize=64)
@@ -73,9 +70,7 @@ def decimation_taps(factor: int, derivative: int) -> tuple[np.ndarray, int]:
     # Design at unit identification rate, so that one cached design serves every rate.
     taps, half = design_lowpass(float(factor), PASSBAND, STOPBAND, derivative)
     half_length = -(-half // factor) * factor
-    taps = np.pad(taps, half_length - half)
-    taps.setflags(write=False)
-    return taps, half_length
+    return np.pad(taps, half_length - half), half_length
 
 
 def decimation_margin(factor: int) -> int:
@@ -103,8 +98,7 @@ def decimate(
     if derivative:
         # Constants are in the null space of a derivative: removing them first keeps the rounding small.
         signal = signal - signal.mean(axis=-1, keepdims=True)
-    y = convolve_strided(signal, taps, start, factor, count)
-    return y * (rate / factor) ** derivative if derivative else y
+    return convolve_strided(signal, taps, start, factor, count) * (rate / factor) ** derivative
 
 
 def convolve_strided(x: np.ndarray, taps: np.ndarray, start: int, stride: int, count: int) -> np.ndarray:

@@ -52,10 +52,9 @@ def project_on_reference(
     """
     parts = _cut_records(references, channels, round(LEADS * rate), round(LAGS * rate), ROWS_PER_LAG)
     coefficients, rank = _fit_response(parts)
-    rows = sum(len(signal) for _, signal in parts)
-    return ReferenceProjection(
-        [signal for _, signal in parts], _residuals(parts, coefficients), rows, 1.0 - rank / rows
-    )
+    signals = [signal for _, signal in parts]
+    rows = sum(map(len, signals))
+    return ReferenceProjection(signals, _residuals(parts, coefficients), rows, 1.0 - rank / rows)
 
 
 def unseen_share(references: Sequence[np.ndarray], signals: Sequence[np.ndarray], rate: float) -> float:
@@ -63,8 +62,7 @@ def unseen_share(references: Sequence[np.ndarray], signals: Sequence[np.ndarray]
 
     Shapes: references, signals (N,).
     """
-    columns = [signal[:, None] for signal in signals]
-    parts = _cut_records(references, columns, round(LEADS * rate), round(LAGS * rate), 2 * ROWS_PER_LAG)
+    parts = _cut_records(references, signals, round(LEADS * rate), round(LAGS * rate), 2 * ROWS_PER_LAG)
     pairs = [[np.split(x, [len(x) // 2]) for x in part] for part in parts]
     halves = [[(shifted[half], _centre(signal[half])) for shifted, signal in pairs] for half in (0, 1)]
     residual = 0.0
@@ -114,20 +112,19 @@ def _cut_records(
     return parts
 
 
-def _generate_rows(shifted: np.ndarray) -> Iterator[tuple[np.ndarray, slice]]:
-    """Leads and lags less their means, some rows at a time: all of them at once would not fit in a long record."""
+def _generate_rows(shifted: np.ndarray, signal: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Leads and lags less their means, and signals, some rows at a time: all at once would not fit in a long record."""
     mean = shifted.mean(axis=0)
     for start in range(0, len(shifted), CHUNK):
-        rows = slice(start, start + CHUNK)
-        yield shifted[rows] - mean, rows
+        yield shifted[start : start + CHUNK] - mean, signal[start : start + CHUNK]
 
 
 def _fit_response(parts: Parts) -> tuple[np.ndarray, int]:
     """Coefficients of the leads and lags, and their rank; directions without excitation are left out."""
     gram = products = np.zeros(1)
-    for shifted, signal in parts:
-        for chunk, rows in _generate_rows(shifted):
-            gram, products = gram + chunk.T @ chunk, products + chunk.T @ signal[rows]
+    for part in parts:
+        for chunk, signal in _generate_rows(*part):
+            gram, products = gram + chunk.T @ chunk, products + chunk.T @ signal
     values, vectors = np.linalg.eigh(gram)
     excited = values > DISCARDED * values[-1]
     directions = vectors[:, excited] / np.sqrt(values[excited])
@@ -137,8 +134,7 @@ def _fit_response(parts: Parts) -> tuple[np.ndarray, int]:
 def _residuals(parts: Parts, coefficients: np.ndarray) -> list[np.ndarray]:
     """What coefficients of the leads and lags leave of the signals."""
     return [
-        signal - np.concatenate([chunk @ coefficients for chunk, _ in _generate_rows(shifted)])
-        for shifted, signal in parts
+        np.concatenate([signal - chunk @ coefficients for chunk, signal in _generate_rows(*part)]) for part in parts
     ]
 
 
@@ -164,13 +160,11 @@ def fit_finite_response(
     noise, taps = np.ones(passband.size), np.zeros(size)
     for _ in range(2):
         weight = np.where(passband, 1.0 / np.maximum(noise, 1e-12 * noise[passband].max()), 0.0)
-        weight /= weight.max()
         autocorrelation = np.fft.irfft(weight * np.abs(spectrum) ** 2, size)[: shifts.size]
         autocorrelation[0] *= 1.0 + RIDGE
         products = np.fft.irfft(weight * spectrum.conj() * target, size)[shifts]
         taps[shifts] = linalg.solve_toeplitz(autocorrelation, products)
-        residual = target - np.fft.rfft(taps) * spectrum
-        noise = smooth(np.abs(residual) ** 2, RESOLUTION * size / rate)
+        noise = smooth(np.abs(target - np.fft.rfft(taps) * spectrum) ** 2, RESOLUTION * size / rate)
     return taps[shifts]
 
 

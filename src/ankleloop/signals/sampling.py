@@ -78,7 +78,6 @@ def match_times(grid: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndar
     Shapes: grid (N,), time (M,); returns rows, common (K,).
     """
     tolerance = 0.25 * (grid[-1] - grid[0]) / max(grid.size - 1, 1)
-    rows = np.searchsorted(grid, time - tolerance)
-    common = np.flatnonzero(rows < grid.size)
-    common = common[np.abs(grid[rows[common]] - time[common]) <= tolerance]
+    rows = np.minimum(np.searchsorted(grid, time - tolerance), grid.size - 1)
+    common = np.flatnonzero(np.abs(grid[rows] - time) <= tolerance)
     return rows[common], common

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ankleloop.signals.decimation import PASSBAND
 
@@ -33,10 +32,15 @@ class Band:
         return taper
 
     @cached_property
+    def bins(self) -> slice:
+        """Those of the frequencies of the records that lie within the band."""
+        frequency = np.fft.rfftfreq(self.samples, 1.0 / self.rate)
+        return slice(np.searchsorted(frequency, self.lowest), np.searchsorted(frequency, self.highest, side="right"))
+
+    @cached_property
     def frequency(self) -> np.ndarray:
         """Frequencies of the band [Hz], shape (frequencies,)."""
-        frequency = np.fft.rfftfreq(self.samples, 1.0 / self.rate)
-        return frequency[(frequency >= self.lowest) & (frequency <= self.highest)]
+        return np.fft.rfftfreq(self.samples, 1.0 / self.rate)[self.bins]
 
     @cached_property
     def s(self) -> np.ndarray:
@@ -53,24 +57,17 @@ class Band:
         """Divisor of squared magnitudes that gives a one-sided power spectral density."""
         return 0.5 * self.rate * np.sum(self.taper**2)
 
-    def transform(self, x: ArrayLike) -> np.ndarray:
+    def transform(self, x: np.ndarray) -> np.ndarray:
         """Fourier transform of tapered records less their means.
 
         Shapes: x (..., N); returns (..., frequencies).
         """
-        x = np.asarray(x, dtype=float)
-        transform = np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)
-        return transform[..., self.first_bin :][..., : self.frequency.size]
-
-    @cached_property
-    def first_bin(self) -> int:
-        """Number of the first frequency of the band among those of the records."""
-        return int(np.searchsorted(np.fft.rfftfreq(self.samples, 1.0 / self.rate), self.lowest))
+        return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[..., self.bins]
 
     def signals(self, spectra: np.ndarray) -> np.ndarray:
         """Signals whose transforms are given within the band and zero elsewhere, shape (..., samples)."""
         transform = np.zeros((*spectra.shape[:-1], self.samples // 2 + 1), dtype=complex)
-        transform[..., self.first_bin : self.first_bin + self.frequency.size] = spectra
+        transform[..., self.bins] = spectra
         return np.fft.irfft(transform, self.samples, axis=-1)
 
     def smooth(self, power: np.ndarray, resolution: float) -> np.ndarray:
@@ -92,12 +89,12 @@ def pass_band(samples: int, rate: float) -> Band:
     return Band(samples, rate, LOWEST, PASSBAND * rate)
 
 
-def segment_spectra(x: ArrayLike, length: int, step: int) -> np.ndarray:
+def segment_spectra(x: np.ndarray, length: int, step: int) -> np.ndarray:
     """Fourier transforms of segments of a record, each less its mean and under a Hann window.
 
     Shapes: x (N,); returns (segments, length // 2 + 1).
     """
-    segments = np.lib.stride_tricks.sliding_window_view(np.asarray(x, dtype=float), length)[::step]
+    segments = np.lib.stride_tricks.sliding_window_view(x, length)[::step]
     return np.fft.rfft((segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length), axis=1)
 
 

@@ -43,12 +43,11 @@ def step_matrices(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray
     M = np.zeros((n + 2 * m, n + 2 * m))
     M[:n, :n], M[:n, n : n + m] = A * step, B * step
     M[n : n + m, n + m :] = np.eye(m)
-    if np.abs(M).max() < LARGEST:
-        E = linalg.expm(M)
-    else:  # the states of a fast filter differ by many powers of ten, and are scaled alike for the exponential
+    scale = np.ones(len(M))
+    if np.abs(M).max() >= LARGEST:  # the states of a fast filter differ by many powers of ten: they are scaled alike
         with np.errstate(invalid="ignore"):  # SciPy converts scales to the numbers of a permutation, which is not used
-            balanced, (scale, _) = linalg.matrix_balance(M, permute=False, separate=True)
-        E = linalg.expm(balanced) * scale[:, None] / scale
+            M, (scale, _) = linalg.matrix_balance(M, permute=False, separate=True)
+    E = linalg.expm(M) * scale[:, None] / scale
     F, constant, slope = E[:n, :n], E[:n, n : n + m], E[:n, n + m :]
     return F, constant - slope, slope
 

@@ -49,12 +49,12 @@ def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:
     >>> float(round(vaf([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 4.0]), 6))
     85.0
     """
-    error, variance, _ = _variances(measured, estimated, 1)
-    return 100.0 * (1.0 - error / variance)
+    error, signal = _centre(measured, estimated)
+    return 100.0 * (1.0 - (error @ error) / (signal @ signal))
 
 
-def _variances(measured: ArrayLike, estimated: ArrayLike, width: int) -> tuple[float, float, float]:
-    """Variances of the error and of the measured signal, and the long-run variance of the influence on their ratio."""
+def _centre(measured: ArrayLike, estimated: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Error and measured signal less their means."""
     signals = {"measured": as_real(measured, "measured signal"), "estimated": as_real(estimated, "estimated signal")}
     y, estimate = signals.values()
     if y.ndim != 1 or y.shape != estimate.shape or y.size < 2:
@@ -66,14 +66,11 @@ def _variances(measured: ArrayLike, estimated: ArrayLike, width: int) -> tuple[f
         faults = np.flatnonzero(~np.isfinite(signal))
         if faults.size:
             raise DataError(f"the {name} signal is not finite at sample {faults[0]} ({faults.size} samples in all).")
-    signal, error = y - y.mean(), y - estimate
-    error = error - error.mean()
-    variances = error @ error / error.size, signal @ signal / signal.size
+    error, signal = (x - x.mean() for x in (y - estimate, y))
     # A constant differs from its mean by rounding only, so its variance is compared with the size of the signal.
-    if not variances[1] > (np.finfo(float).eps * np.max(np.abs(y))) ** 2:
+    if not signal @ signal / signal.size > (np.finfo(float).eps * np.max(np.abs(y))) ** 2:
         raise DataError("the measured signal is constant, so it has no variance to account for.")
-    with np.errstate(invalid="ignore"):  # of an estimate without an error
-        return *variances, _sum_covariances(error**2 / variances[0] - signal**2 / variances[1], min(width, y.size))
+    return error, signal
 
 
 def _sum_covariances(x: np.ndarray, width: int) -> float:
@@ -101,9 +98,11 @@ def vaf_with_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> t
 
     Shapes: measured, estimated (N,).
     """
-    error, variance, spread = _variances(measured, estimated, lags + 1)
-    if error == 0.0:
+    error, signal = _centre(measured, estimated)
+    if not error.any():
         return 100.0, 100.0, 100.0
-    deviation, share = TWO_SIDED * np.sqrt(spread / np.size(measured)), error / variance
+    influence = error**2 / np.mean(error**2) - signal**2 / np.mean(signal**2)
+    deviation = TWO_SIDED * np.sqrt(_sum_covariances(influence, min(lags + 1, error.size)) / error.size)
+    share = (error @ error) / (signal @ signal)
     value, low, high = (float(100.0 * (1.0 - share * np.exp(sign * deviation))) for sign in (0.0, 1.0, -1.0))
     return value, low, high

@@ -14,7 +14,8 @@ TRUTH = {"stiffness": 150.0, "viscosity": 0.8, "inertia": 0.015}
 
 
 def information_of(seed, *, fed_back=True, **settings):
-    return fisher_information(seed, SimulationSettings(**settings), fed_back=fed_back)
+    clean = prepare(simulate(seed=seed, snr_db=None, **settings | {"voluntary": 0.0}))
+    return fisher_information(clean, SimulationSettings(**settings), fed_back=fed_back)
 
 
 def torque_spectrum(**parameters):

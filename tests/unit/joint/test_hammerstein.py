@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from ankleloop import DataError, identify, simulate
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, fit_basis, separate_model
+from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, fit_basis, separate_path
 from ankleloop.subspace.matrices import Matrices
 
 RATE = 100.0
@@ -30,7 +30,8 @@ def test_a_hammerstein_system_is_separated_exactly(terms, seed):
     truth = rng.standard_normal(terms)
     A, b, C, d = ReflexDynamics(30.0, 0.7).matrices(RATE)
     matrices = Matrices(A, b * truth, C, d * truth, 1 / RATE)
-    path = separate_model(matrices, DriveSpectra.of(basis(velocity).T, RATE), basis)
+    spectra = DriveSpectra.of(basis(velocity).T, RATE)
+    path = separate_path(matrices.frequency_response(np.exp(spectra.s / RATE)), spectra, basis)
     np.testing.assert_allclose(path.coefficients, truth, rtol=0.03)
     assert path.rank_one == pytest.approx(1.0, abs=1e-9)
     assert path.dynamics.omega_n == pytest.approx(30.0, rel=0.05)
@@ -44,9 +45,10 @@ def test_two_systems_have_a_low_rank_one_share():
     A = np.block([[slow[0], np.zeros((2, 2))], [np.zeros((2, 2)), fast[0]]])
     B = np.block([[slow[1], np.zeros((2, 1))], [np.zeros((2, 1)), fast[1]]])
     C, D = np.hstack([slow[2], fast[2]]), np.hstack([slow[3], fast[3]])
-    assert separate_model(Matrices(A, B, C, D, 1 / RATE), spectra, basis).rank_one < 0.95
+    responses = Matrices(A, B, C, D).frequency_response(np.exp(spectra.s / RATE))
+    assert separate_path(responses, spectra, basis).rank_one < 0.95
     with pytest.raises(DataError, match="no reflex torque"):
-        separate_model(Matrices(A, 0 * B, C, 0 * D, 1 / RATE), spectra, basis)
+        separate_path(0 * responses, spectra, basis)
 
 
 @pytest.mark.parametrize("threshold", [-0.4, 0.0, 0.7])

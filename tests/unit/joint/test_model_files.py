@@ -8,14 +8,7 @@ import scipy.io
 import xarray as xr
 from value_comparison import assert_same_estimate
 
-from ankleloop import (
-    METHODS,
-    DataError,
-    identify,
-    load_estimate,
-    save_estimate,
-    simulate,
-)
+from ankleloop import METHODS, DataError, identify, load_estimate, save_estimate, simulate
 from ankleloop.joint.estimate_files import VERSION
 
 CASES = {method: (method, {}) for method in METHODS}

@@ -140,7 +140,7 @@ class Point:
         e, band = self.equations, self.equations.band
         drive = self.parameters.linear[MOTION:] @ e.predicted[MOTION:]
         residual = self.residual / np.sqrt(self.noise)
-        first, count = band.first_bin, band.frequency.size
+        first, count = band.bins.start, band.frequency.size
         size = 2 * (first + count)
         reach = int(REACH * size * band.rate / band.samples)
         probabilities = []

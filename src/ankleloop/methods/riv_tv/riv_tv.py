@@ -112,7 +112,7 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     intervals = estimate_intervals(means | reflex, solution.deviations, solution.quantile)[1]
     return Estimate(
         method="riv-tv",
-        torque=model.simulate(trial, equations.grid, course.place),
+        torque=model.torques(trial, equations.grid, course.place),
         stiffness=means,
         reflex=reflex,
         intervals=intervals if solution.converged else {},
