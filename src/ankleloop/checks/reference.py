@@ -133,8 +133,9 @@ def _unexplained_share(signals: Sequence[np.ndarray], y: np.ndarray, leads: int,
     shifts = leads + lags + 1
     rows = min(y.size - shifts + 1, ROWS_PER_LAG * shifts * len(signals))
     first = (y.size - shifts + 1 - rows) // 2
-    shifted = [signal[first + k : first + k + rows] for signal in signals for k in range(shifts)]
-    lagged, target = np.stack([x - x.mean() for x in shifted]), y[first + lags : first + lags + rows]
+    lagged = np.stack([signal[first + k : first + k + rows] for signal in signals for k in range(shifts)])
+    lagged -= lagged.mean(axis=1, keepdims=True)
+    target = y[first + lags : first + lags + rows]
     target = target - target.mean()
     energy, power = float(target @ target), np.repeat([np.var(signal) for signal in signals], shifts)
     if not energy > 0.0:

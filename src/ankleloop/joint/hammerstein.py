@@ -123,7 +123,8 @@ class DriveSpectra(NamedTuple):
         products = np.einsum("if,jf->ijf", spectra.conj(), spectra).real
         weight = np.sum(power / energy[:, None], axis=0)
         centres = np.add.reduceat(weight * band.frequency, starts) / np.add.reduceat(weight, starts)
-        covariance = np.atleast_2d(np.cov(drive, rowvar=False))
+        deviations = drive - drive.mean(axis=0)
+        covariance = deviations.T @ deviations / (len(drive) - 1)
         root = np.linalg.cholesky(covariance + 1e-10 * np.diag(np.diag(covariance)))
         return cls(2j * np.pi * centres, np.moveaxis(np.add.reduceat(products, starts, axis=2), 2, 0), root)
 
