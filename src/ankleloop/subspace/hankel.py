@@ -112,12 +112,9 @@ def hankel_gram(
         products = products + _sum_lagged_products(np.ascontiguousarray(x), count, reach, window)
     if not columns:
         return np.zeros((window * tail.shape[1],) * 2)
-    gram = _displace_products(products, head.ravel(), tail.ravel())
-    if subtract_means:
-        shifts = np.cumsum(tail - head, axis=0)
-        means = np.concatenate([sums, (sums + shifts).ravel()]) / np.sqrt(columns)
-        gram -= np.outer(means, means)
-    return gram
+    shifts = np.cumsum(tail - head, axis=0)
+    means = np.concatenate([sums, (sums + shifts).ravel()]) * (subtract_means / np.sqrt(columns))
+    return _displace_products(products, head.ravel(), tail.ravel(), means)
 
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
@@ -155,13 +152,16 @@ def _sum_lagged_products(x, columns, lags, window):
 
 
 @kernel()
-def _displace_products(products, head, tail):
-    """Gram matrix row by row: each row follows from that of the block row before by displacement."""
+def _displace_products(products, head, tail, means):
+    """Gram matrix less products of means, row by row: each row follows from that of the block row before."""
     channels, width = products.shape
     gram = np.empty((width, width))
     for i in range(width):
         for j in range(i, width):
             k, m = i - channels, j - channels  # one block row before
-            value = products[i, j] if k < 0 else gram[k, m] + tail[k] * tail[m] - head[k] * head[m]
-            gram[i, j], gram[j, i] = value, value
+            if k < 0:
+                value = products[i, j]
+            else:
+                value = gram[k, m] + means[k] * means[m] + tail[k] * tail[m] - head[k] * head[m]
+            gram[i, j] = gram[j, i] = value - means[i] * means[j]
     return gram

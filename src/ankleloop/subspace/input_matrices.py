@@ -99,13 +99,13 @@ class OutputRegression:
         states[:, -1] = self.C
         for x in chunks:
             u, y = x[:, :m], x[:, m : m + p]
-            drives = [*u[:, self.dynamic].T, np.zeros(len(x))]
+            drives = [*u.T[self.dynamic, :, None], np.zeros((len(x), 1))]
             rows = np.zeros((self.edges[-1] + 1, len(x), p))
             rows[-1] = y
             for i, row in enumerate(self.C):
                 rows[i:d_end:p, :, i] = u.T
                 for j, (block, drive) in enumerate(zip(blocks, drives, strict=True)):
-                    response, states[i, j] = simulate_states(transposed, drive[:, None] * row, states[i, j])
+                    response, states[i, j] = simulate_states(transposed, drive @ row[None], states[i, j])
                     rows[d_end + block * n :][:n, :, i] = response.T
                 rows[offset + i, :, i] = self.offsets
             yield rows.reshape(len(rows), -1).T
