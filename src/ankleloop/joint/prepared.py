@@ -65,9 +65,8 @@ class PreparedTrial:
     def check_variable(self, name: str, use: str = "to serve as reference", remedy: str = NO_REFERENCE) -> None:
         """Refuse a variable that the trial does not have."""
         if name not in self.trial:
-            raise DataError(
-                f"the trial has no variable {name!r} {use}; it has {', '.join(map(str, self.trial))}. {remedy}"
-            )
+            known = ", ".join(map(str, self.trial))
+            raise DataError(f"the trial has no variable {name!r} {use}; it has {known}. {remedy}")
 
     def samples(self, name: str) -> np.ndarray:
         """Recorded samples of a variable, shape (samples,)."""
