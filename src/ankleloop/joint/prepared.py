@@ -44,7 +44,7 @@ class PreparedTrial:
     >>> from ankleloop.simulation.simulate import simulate
     >>> trial = PreparedTrial(simulate(seed=1, duration=5.0))
     >>> trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0).inputs.shape
-    (430, 4)
+    (432, 4)
     """
 
     def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
