@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -68,7 +67,7 @@ class Bootstrap:
             For a level that is not between 0 and 1, or one that leaves less than one sample in each tail.
         """
         level = check_number("intervals", "level", level, gt=0, lt=1)
-        fewest = math.ceil(2.0 / (1.0 - level) - 1e-9)
+        fewest = int(np.ceil(2.0 / (1.0 - level) - 1e-9))
         if len(self.samples) < fewest:
             raise ValueError(
                 f"an interval of level {level:g} needs at least {fewest} samples, one for each tail; there are "

@@ -150,6 +150,5 @@ def _relation(band: Band, residual: np.ndarray, signal: np.ndarray, times: np.nd
     share = np.sum(np.real(basis.conj() @ residual) ** 2) / np.sum(np.abs(residual) ** 2)
     # The taper weights white noise over the record; so the expectation of its products with the basis is known.
     energy = np.sum(band.signals(basis) ** 2, axis=0)
-    weights = band.taper**2 / np.sum(band.taper**2)
-    expectation = 0.25 * band.samples**2 * (energy @ weights) / signal.size
+    expectation = 0.25 * band.samples**2 * np.average(energy, weights=band.taper**2) / signal.size
     return float(special.betaincc(0.5 * times.size, 0.5 * times.size * (1.0 / expectation - 1.0), min(share, 1.0)))

@@ -22,7 +22,7 @@ from ankleloop.signals.vaf import vaf, vaf_with_interval
 CORRELATED = 1.0  # s: over this the squares of torques may be correlated
 DIAGNOSTICS = ("order", "spectral_radius", "passes", "converged", "stable", "reference", "cycles")
 TRAJECTORY_TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}  # variables of a trial
-TORQUE_TRUTHS = {"torque_intrinsic", "torque_reflex", "torque_noise"}
+TORQUE_TRUTHS = ("torque_intrinsic", "torque_reflex", "torque_noise")
 DIMENSIONS = {"cycle": "phase", "time": "time", "schedule": "schedule"}  # by the setting `variation`
 PLACES = 101  # at which parameters that an estimate takes as constant are scored
 LEVELS = (0.1, 0.9)  # shares of a step between which its rise is timed
@@ -88,8 +88,14 @@ def evaluate(
             f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
             "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
         )
+    measured = prepared.channel_at("torque", time, rate)
+    targets = [(part, "measured", measured) for part in TORQUES]
+    if against is None and {"torque_intrinsic", "torque_reflex"} <= set(prepared.trial.data_vars):
+        truths = {part: prepared.channel_at(f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
+        parts = [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
+        targets = [targets[0], ("net", "true", truths["intrinsic"] + truths["reflex"]), *parts]
     table = []
-    for torque, kind, signal in _targets(prepared, time, rate, against is None):
+    for torque, kind, signal in targets:
         pair = signal[inside], estimate.torque.variables[torque].values[inside]
         scores = vaf_with_interval(*pair, round(CORRELATED * rate)) if intervals else [vaf(*pair)]
         table.append((torque, kind, *scores))
@@ -108,26 +114,13 @@ def _scored_samples(estimate: Estimate, trim: float) -> tuple[slice, np.ndarray,
     return inside, time, estimate.torque.attrs["identification_rate"]
 
 
-def _targets(
-    trial: PreparedTrial, time: np.ndarray, rate: float, use_truths: bool
-) -> list[tuple[str, str, np.ndarray]]:
-    """Signals that the torques of an estimate are scored against: torque, measured or true, signal."""
-    measured = trial.channel_at("torque", time, rate)
-    if use_truths and {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
-        truths = {part: trial.channel_at(f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
-        parts = [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
-        return [("net", "measured", measured), ("net", "true", truths["intrinsic"] + truths["reflex"]), *parts]
-    return [(part, "measured", measured) for part in TORQUES]
-
-
 def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
     """Signal-to-noise ratio of the torque within the band of the identification; of a trial with noise.
 
     Decimation removes more of the noise than of the torque, so this ratio is above that of the recorded signal.
     """
     inside, time, rate = _scored_samples(estimate, TRIM)
-    parts = ("intrinsic", "reflex", "noise")
-    intrinsic, reflex, noise = (trial.channel_at(f"torque_{part}", time, rate)[inside] for part in parts)
+    intrinsic, reflex, noise = (trial.channel_at(name, time, rate)[inside] for name in TORQUE_TRUTHS)
     return float(10 * np.log10(np.var(intrinsic + reflex) / np.var(noise)))
 
 
@@ -137,7 +130,7 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     row: dict[str, Any] = _list_parameters(estimate)
     if estimate.intervals and estimate.diagnostics.get("intervals"):
         row["intervals"] = estimate.diagnostics["intervals"]
-    if set(prepared.trial.data_vars) >= TORQUE_TRUTHS and np.ptp(prepared.samples("torque_noise")) > 0:
+    if set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars) and np.ptp(prepared.samples("torque_noise")) > 0:
         row["in_band_snr_db"] = in_band_snr(prepared, estimate)
     row |= {name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics}
     settings = prepared.trial.attrs if "torque_reflex" in prepared.trial else {}

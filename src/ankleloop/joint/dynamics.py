@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,8 +11,6 @@ import numpy as np
 from ankleloop.joint.model_fields import Stored
 from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
 
-STARTS = [(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]
-POLES = (15.0, 40.0, 120.0)  # rad/s
 LIMIT = np.log(1e4)  # of the logarithm of a parameter, in rad/s or 1: no reflex is as fast, or as damped
 
 
@@ -29,13 +26,6 @@ class ReflexDynamics:
     def values(self) -> dict[str, float]:
         """Parameters by name."""
         return {name: value for name, value in vars(self).items() if value is not None}
-
-    @staticmethod
-    @cache
-    def grid(order: int) -> tuple[ReflexDynamics, ...]:
-        """Candidates for the start of a search."""
-        poles: Sequence[float | None] = [None] if order == 2 else POLES
-        return tuple(ReflexDynamics(omega, zeta, pole) for pole in poles for omega, zeta in STARTS)
 
     def scale(self, step: np.ndarray) -> ReflexDynamics:
         """Dynamics after a step of the logarithms of its parameters."""
@@ -57,6 +47,11 @@ class ReflexDynamics:
         A, B, C = companion(lowpass_denominator(self.omega_n, self.zeta, self.pole))
         F, before, now = step_matrices(A, B, 1.0 / rate)
         return F, F @ now + before, C, C @ now
+
+
+# Candidates for the start of a search, by the number of poles; frequencies and poles in rad/s.
+GRIDS = {2: [ReflexDynamics(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]}
+GRIDS[3] = [replace(dynamics, pole=pole) for pole in (15.0, 40.0, 120.0) for dynamics in GRIDS[2]]
 
 
 def respond(grid: Sequence[ReflexDynamics], s: np.ndarray) -> np.ndarray:
@@ -82,7 +77,7 @@ def fit_dynamics(
 
     root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
     target = root * response
-    starts = ReflexDynamics.grid(order)
+    starts = GRIDS[order]
     shapes = root * respond(starts, s)
     products = np.real(shapes.conj() @ target)
     energies = np.sum(np.abs(shapes) ** 2, axis=1)

@@ -22,11 +22,9 @@ from ankleloop.joint.regressors import MEASURED, TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.options import check_flag, check_path, show_value
 from ankleloop.quantities import QUANTITIES
-from ankleloop.trials.files import atomic_file, check_readable
+from ankleloop.trials.files import PathLike, atomic_file, check_readable
 from ankleloop.trials.group_files import Fields, read_groups, write_groups
 from ankleloop.trials.reading_process import name_errors
-
-PathLike = str | os.PathLike[str]
 
 FORMAT, VERSION = "ankleloop estimate", 1
 VARIABLE = "estimate"  # of a MATLAB file
@@ -79,22 +77,15 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
         raise TypeError(f"save_estimate: estimate must be an Estimate, got {show_value(estimate)}.")
     warnings = " ".join(estimate.diagnostics.get("warnings", ()))
     attributes = {"format": FORMAT, "format_version": VERSION, "method": estimate.method, "warnings": warnings}
-    groups = {
-        "": xr.Dataset(attrs=attributes),
-        "torque": estimate.torque,
-        **_make_groups(estimate, complete=True),
-        "diagnostics": xr.Dataset(attrs={JSON: dump_values(estimate.diagnostics)}),
-    }
+    groups = {"": xr.Dataset(attrs=attributes), "torque": estimate.torque, **_make_groups(estimate, complete=True)}
+    groups["diagnostics"] = xr.Dataset(attrs={JSON: dump_values(estimate.diagnostics)})
     write_groups(groups, path, VARIABLE, overwrite=overwrite)
 
 
 def _make_groups(estimate: Estimate, *, complete: bool) -> dict[str, xr.Dataset]:
     """Parameters, model and trajectories, as a file or a row of a table holds them."""
-    groups = {
-        "stiffness": _parameter_dataset(estimate.stiffness),
-        "reflex": _parameter_dataset(estimate.reflex),
-        "intervals": _parameter_dataset(estimate.intervals, "end"),
-    }
+    groups = {name: _parameter_dataset(getattr(estimate, name)) for name in ("stiffness", "reflex")}
+    groups["intervals"] = _parameter_dataset(estimate.intervals, "end")
     if estimate.predictor is not None:
         groups["model"] = model_dataset(estimate.predictor, complete=complete)
     if estimate.trajectories is not None:
@@ -152,11 +143,10 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
 
 def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     """The estimate whose groups a file or a row of a table holds."""
-    torque, trajectories = groups["torque"], groups.get("trajectories")
+    torque = groups["torque"]
     time, rate = torque.array("time"), torque.number("identification_rate")
     names = [*TORQUES, MEASURED] if MEASURED in torque.values else TORQUES
     torques = {name: torque.array(name, time.size, finite=False) for name in names}
-    model = read_model(groups["model"]) if "model" in groups else None
     stiffness, reflex, intervals = (
         {name: group.array(name, finite=False).tolist() for name in group.values}
         for group in (groups["stiffness"], groups["reflex"], groups.get("intervals", Fields("", {})))
@@ -168,8 +158,8 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
         reflex={name: value for name, (value,) in reflex.items()},
         intervals={name: (low, high) for name, (low, high) in intervals.items()},
         diagnostics=load_values(groups["diagnostics"].text(JSON)),
-        predictor=model,
-        trajectories=None if trajectories is None else read_trajectories(trajectories),
+        predictor=read_model(groups["model"]) if "model" in groups else None,
+        trajectories=read_trajectories(groups["trajectories"]) if "trajectories" in groups else None,
     )
 
 
@@ -190,16 +180,10 @@ class EstimateTable:
     """
 
     def __init__(self, precision: str = "double", folder: PathLike | None = None) -> None:
-        torque = pa.list_(pa.from_numpy_dtype(np.dtype(precision)))
-        self._schema = pa.schema(
-            {
-                **dict.fromkeys(("point", "name", "method", "diagnostics", *COLUMNS.values()), pa.string()),
-                "number": pa.int64(),
-                "identification_rate": pa.float64(),
-                "time": pa.list_(pa.float64()),
-                **dict.fromkeys(TORQUES, torque),
-            }
-        )
+        columns = dict.fromkeys(("point", "name", "method", "diagnostics", *COLUMNS.values()), pa.string())
+        columns |= {"number": pa.int64(), "identification_rate": pa.float64(), "time": pa.list_(pa.float64())}
+        columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(np.dtype(precision))))
+        self._schema = pa.schema(columns)
         self._rows = SpooledTemporaryFile(MEMORY, dir=None if folder is None else os.fspath(folder))  # noqa: SIM115
         weakref.finalize(self, self._rows.close)
         self._count = 0
@@ -209,7 +193,7 @@ class EstimateTable:
         torque, groups = estimate.torque, _make_groups(estimate, complete=False)
         row = {"point": point, "name": name, "method": estimate.method, "number": number, **torque.attrs}
         row |= {signal: torque.variables[signal].values for signal in ("time", *TORQUES)}
-        row |= {"diagnostics": dump_values(estimate.diagnostics)}
+        row["diagnostics"] = dump_values(estimate.diagnostics)
         row |= {COLUMNS[group]: dump_values({**data.variables, **data.attrs}) for group, data in groups.items()}
         pickle.dump(row, self._rows, pickle.HIGHEST_PROTOCOL)
         self._count += 1
@@ -240,14 +224,10 @@ def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int
             table = parquet.read_table(path, filters=filters, page_checksum_verification=True)
             for row in table.to_pylist():
                 source = f"{path}, row {row['number']}"
-                groups = {
-                    "": {"method": row["method"]},
-                    "torque": {key: row[key] for key in ("identification_rate", "time", *TORQUES)},
-                    "diagnostics": {JSON: row["diagnostics"]},
-                    **{group: load_values(row[name]) for group, name in COLUMNS.items() if row[name]},
-                }
-                estimate = _read_estimate({group: Fields(source, values) for group, values in groups.items()})
-                estimates[row["number"]] = estimate
+                groups = {group: load_values(row[name]) for group, name in COLUMNS.items() if row[name]}
+                groups |= {"": row, "torque": row, "diagnostics": {JSON: row["diagnostics"]}}
+                fields = {group: Fields(source, values) for group, values in groups.items()}
+                estimates[row["number"]] = _read_estimate(fields)
     return dict(sorted(estimates.items()))
 
 

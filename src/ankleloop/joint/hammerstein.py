@@ -146,7 +146,7 @@ def separate_path(responses: np.ndarray, spectra: DriveSpectra, basis: Basis, or
     E.-W. Bai, "An optimal two-stage identification algorithm for Hammerstein-Wiener nonlinear systems", Automatica
     34(3), 333-338, 1998.
     """
-    s, power, root = spectra.s, spectra.power, spectra.root
+    s, power, root = spectra
     autospectra = np.einsum("fkk->fk", power)
     weight = np.mean(autospectra / autospectra.sum(axis=0), axis=1)
     weighted = np.sqrt(weight)[:, None] * (responses @ root)

@@ -53,10 +53,8 @@ def read_fields(kind: type[Part], fields: Fields, **values: Any) -> Part:
     """The dataclass whose fields a file holds, with values that are known already."""
     for field, expected, stored in _list_fields(kind):
         name = stored.name or field if stored else field
-        if field in values:
-            continue
         if stored is None:
-            values[field] = read_fields(expected, fields)
+            values[field] = values.get(field) or read_fields(expected, fields)
         elif name not in fields.values and NoneType in get_args(expected):
             values[field] = None
         elif stored.dimension:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isqrt
-from typing import Annotated, Any, ClassVar, get_args
+from typing import Annotated, ClassVar, get_args
 
 import numpy as np
 import xarray as xr
@@ -44,13 +44,9 @@ class ModelInputs:
     @classmethod
     def of(cls, regressors: Regressors, delay: float | None = None) -> ModelInputs:
         """Those of regressors."""
-        return cls(
-            replace(regressors.basis, quantiles=np.empty(0)),
-            regressors.delay if delay is None else float(delay),
-            regressors.rate,
-            regressors.grid.factor * regressors.rate,
-            regressors.omitted_step,
-        )
+        basis, rate = replace(regressors.basis, quantiles=np.empty(0)), regressors.rate
+        late = regressors.delay if delay is None else float(delay)
+        return cls(basis, late, rate, regressors.grid.factor * rate, regressors.omitted_step)
 
     def label(self, matrices: Matrices) -> Matrices:
         """Matrices with the names and delays of these inputs, and with their numbers in the order of C.
@@ -64,12 +60,8 @@ class ModelInputs:
 
     def regressors(self, trial: PreparedTrial) -> Regressors:
         """Inputs of another trial, with the basis, the delay and the rate of this model."""
-        return trial.regressors(
-            delay=self.delay,
-            basis=self.basis,
-            identification_rate=self.identification_rate,
-            omitted_step=self.omitted_step,
-        )
+        rate, step = self.identification_rate, self.omitted_step
+        return trial.regressors(delay=self.delay, basis=self.basis, identification_rate=rate, omitted_step=step)
 
     def kernels(self) -> dict[str, xr.Variable]:
         """Kernels of `decimate` and `differentiate` as plain sums of kernel · x(n - lag) over recorded samples n.
@@ -78,15 +70,14 @@ class ModelInputs:
         """
         if self.omitted_step is not None:
             return {}
-        factor, kernels = decimation_factor(self.recording_rate, self.identification_rate), []
-        margin = decimation_margin(factor)
-        for derivative in range(3):
-            taps, half = decimation_taps(factor, derivative)
-            kernels.append(np.pad(taps, margin - half) * self.identification_rate**derivative)
+        factor = decimation_factor(self.recording_rate, self.identification_rate)
+        margin, designs = decimation_margin(factor), [decimation_taps(factor, derivative) for derivative in range(3)]
+        padded = [np.pad(taps, margin - half) for taps, half in designs]
+        kernels = self.identification_rate ** np.arange(3)[:, None] * padded
         taps, half, whole = velocity_taps(self.recording_rate, self.delay)
         decimation_lags, velocity_lags = np.arange(-margin, margin + 1), np.arange(-half, half + 1) + whole
         return {
-            "decimation_kernel": as_variable(np.array(kernels), ("derivative", "decimation_lag")),
+            "decimation_kernel": as_variable(kernels, ("derivative", "decimation_lag")),
             "decimation_lag": as_variable(decimation_lags, "decimation_lag", "recorded samples"),
             "velocity_kernel": as_variable(taps, "velocity_lag", "1/s"),
             "velocity_lag": as_variable(velocity_lags, "velocity_lag", "recorded samples"),
@@ -132,7 +123,7 @@ class StateSpaceModel(JointModel):
 
     def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
         """Torques of a trial."""
-        return torque_dataset(regressors.time, regressors.rate, **simulate_torques(self.matrices, None, regressors))
+        return simulate_torques(self.matrices, None, regressors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,12 +174,10 @@ class ResponseModel(JointModel):
 
     def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
         """Torques of a trial, where all lags of its inputs are recorded."""
-        leads = self.intrinsic.size // 2
-        rows = slice(max(leads, self.reflex.size - 1), regressors.torque.size - leads)
+        leads, samples = self.intrinsic.size // 2, regressors.torque.size
+        rows = slice(max(leads, self.reflex.size - 1), samples - leads)
         if rows.stop - rows.start < 2:
-            raise DataError(
-                f"the trial has {regressors.torque.size} samples, responses take {rows.start + leads}: record longer."
-            )
+            raise DataError(f"the trial has {samples} samples, responses take {rows.start + leads}: record longer.")
         position, drive = regressors.inputs[:, 0], regressors.inputs[:, -1]
         intrinsic = np.convolve(position - position.mean(), self.intrinsic)[leads:][rows]
         reflex = np.convolve(drive - drive.mean(), self.reflex)[rows]
@@ -218,7 +207,7 @@ class TimeVaryingModel(JointModel):
     matrices: ClassVar[None] = None
 
     def parameters(self, place: np.ndarray) -> list[np.ndarray]:
-        """K, B, G and I at places within 0 … 1, four arrays of the shape of `place`."""
+        """K, B, G and I at places, four arrays of the shape of `place`; beyond 0 … 1 those of the next end."""
         periodic, coefficients = self.dimension == "phase", (self.stiffness, self.viscosity, self.gain, self.inertia)
         return [Splines(c.size, periodic, self.degree if c.size > 1 else 0)(place) @ c for c in coefficients]
 
@@ -226,7 +215,7 @@ class TimeVaryingModel(JointModel):
         """Torques of a trial, from a state of rest."""
         grid = trial.grid(self.inputs.identification_rate, self.inputs.delay)
         if self.dimension != "phase":
-            return self.torques(trial, grid, np.clip(self._share(trial, grid), 0.0, 1.0))
+            return self.torques(trial, grid, self._share(trial, grid))
         onsets = self.variable if cycle_onsets is None else cycle_onsets
         if onsets is None:
             raise DataError("the model varies with the cycle: give predict the cycle_onsets of this trial.")
@@ -235,7 +224,7 @@ class TimeVaryingModel(JointModel):
 
     def _share(self, trial: PreparedTrial, grid: Grid) -> np.ndarray:
         """Time or scheduling variable as a share of the range that was fitted, shape (N,); not clipped."""
-        values = course_values(trial, grid, self.variable if self.dimension == "schedule" else None)
+        values = course_values(trial, grid, self.variable)
         return (values - self.limits[0]) / (self.limits[1] - self.limits[0])
 
     def torques(self, trial: PreparedTrial, grid: Grid, place: np.ndarray) -> xr.Dataset:
@@ -265,8 +254,7 @@ class TimeVaryingModel(JointModel):
         outside = float(np.mean((share < 0) | (share > 1)))
         if outside <= BEYOND:
             return []
-        name = self.variable if self.dimension == "schedule" else "the time"
-        low, high = self.limits
+        name, (low, high) = self.variable or "the time", self.limits
         return [
             f"{name} lies beyond the fitted range of {low:.3g} to {high:.3g} for {100 * outside:.2g} % of the samples."
         ]
@@ -274,6 +262,8 @@ class TimeVaryingModel(JointModel):
 
 Model = StateSpaceModel | PhysicalModel | ResponseModel | TimeVaryingModel
 KINDS: dict[str, type[Model]] = {model.kind: model for model in get_args(Model)}
+# Dimensions of matrices: a product along the common one, A.dot(x), is a product of matrices.
+AXES = {"A": ("next_state", "state"), "B": ("next_state", "input"), "C": ("output", "state"), "D": ("output", "input")}
 
 
 def read_model(fields: Fields) -> Model:
@@ -292,24 +282,16 @@ def read_model(fields: Fields) -> Model:
 
 
 def model_dataset(model: Model, *, complete: bool = True) -> xr.Dataset:
-    """Kind and fields of a model; complete also what other programs need to compute its torques without this library.
-
-    Matrices have dimensions by which a product along the common one, A.dot(x), is a product of matrices.
-    """
+    """Kind and fields of a model; complete also what other programs need to compute its torques without the library."""
     fields: dict[str, str | xr.Variable] = {"kind": model.kind, **dump_fields(model)}
-    names: dict[str, Any] = {}
+    names: dict[str, Sequence[str]] = {}
     if m := model.matrices:
-        fields |= {
-            "A": as_variable(m.A, ("next_state", "state")),
-            "B": as_variable(m.B, ("next_state", "input")),
-            "C": as_variable(m.C, ("output", "state")),
-            "D": as_variable(m.D, ("output", "input")),
-        }
+        fields |= {name: as_variable(getattr(m, name), dimensions) for name, dimensions in AXES.items()}
     if complete:
         names["basis_function"] = list(model.inputs.basis.names)
         fields |= model.inputs.kernels()
         if m and m.names:
-            names |= dict(zip(("input", "output"), map(list, m.names), strict=True))
+            names |= {"input": list(m.names[0]), "output": list(m.names[1])}
             fields["input_delay"] = as_variable(np.array(m.input_delays), "input", "s")
         if isinstance(model, ResponseModel):
             fields |= model.lags()
@@ -317,22 +299,17 @@ def model_dataset(model: Model, *, complete: bool = True) -> xr.Dataset:
     return xr.Dataset({name: value for name, value in fields.items() if name not in texts}, names, texts)
 
 
-def simulate_torques(
-    model: Matrices, initial_state: np.ndarray | None, regressors: Regressors
-) -> dict[str, np.ndarray]:
+def simulate_torques(model: Matrices, initial_state: np.ndarray | None, regressors: Regressors) -> xr.Dataset:
     """Torques of a linear model with the inputs of one path at a time; the initial state belongs to the reflex.
 
-    Shapes: initial_state (n,); returns (N,).
+    Shapes: initial_state (n,).
     """
     paths, inputs = [], (slice(MOTION), slice(MOTION, None))
     for u, columns, state in zip(regressors.centred, inputs, (None, initial_state), strict=True):
-        torque = simulate_response(model.A, model.B[:, columns], model.C, model.D[:, columns], u, state)[:, 0]
-        if not np.isfinite(torque).all():
-            raise DataError(
-                "the estimated torques are not finite: the model does not suit the record; lower its order."
-            )
-        paths.append(torque)
-    return sum_paths(*paths)
+        paths.append(simulate_response(model.A, model.B[:, columns], model.C, model.D[:, columns], u, state)[:, 0])
+    if not np.isfinite(paths).all():
+        raise DataError("the estimated torques are not finite: the model does not suit the record; lower its order.")
+    return torque_dataset(regressors.time, regressors.rate, **sum_paths(*paths))
 
 
 def sum_paths(intrinsic: np.ndarray, reflex: np.ndarray) -> dict[str, np.ndarray]:

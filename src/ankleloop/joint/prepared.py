@@ -44,7 +44,7 @@ class PreparedTrial:
     >>> from ankleloop.simulation.simulate import simulate
     >>> trial = PreparedTrial(simulate(seed=1, duration=5.0))
     >>> trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0).inputs.shape
-    (430, 4)
+    (432, 4)
     """
 
     def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
@@ -65,9 +65,8 @@ class PreparedTrial:
     def check_variable(self, name: str, use: str = "to serve as reference", remedy: str = NO_REFERENCE) -> None:
         """Refuse a variable that the trial does not have."""
         if name not in self.trial:
-            raise DataError(
-                f"the trial has no variable {name!r} {use}; it has {', '.join(map(str, self.trial))}. {remedy}"
-            )
+            known = ", ".join(map(str, self.trial))
+            raise DataError(f"the trial has no variable {name!r} {use}; it has {known}. {remedy}")
 
     def samples(self, name: str) -> np.ndarray:
         """Recorded samples of a variable, shape (samples,)."""

@@ -129,7 +129,7 @@ def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] 
     if schedule is None:
         dimension, limits = "time", (float(values[rows.start]), float(values[rows.stop - 1]))
     else:
-        dimension, limits = "schedule", _schedule_limits(trial, grid, schedule, values, rows)
+        dimension, limits = "schedule", _schedule_limits(trial, grid, schedule, rows)
     place = (values - limits[0]) / (limits[1] - limits[0])
     return Course(dimension, np.clip(place, 0.0, 1.0), limits, rows, number // length, number % length)
 
@@ -148,8 +148,7 @@ def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cour
         )
     first, stop = np.searchsorted(time, edges[[0, -1]] - half)
     segment = np.searchsorted(edges, time[first:stop] + half, side="right") - 1
-    starts = np.searchsorted(segment, np.arange(edges.size - 1))
-    since = np.arange(segment.size) - starts[segment]
+    since = np.arange(segment.size) - np.searchsorted(segment, segment)
     return Course("phase", cycle_place(time, onsets, half), (0.0, 1.0), slice(int(first), int(stop)), segment, since)
 
 
@@ -173,13 +172,12 @@ def course_values(trial: PreparedTrial, grid: Grid, schedule: str | None) -> np.
     return trial.channel(schedule, grid)
 
 
-def _schedule_limits(
-    trial: PreparedTrial, grid: Grid, name: str, values: np.ndarray, rows: slice
-) -> tuple[float, float]:
+def _schedule_limits(trial: PreparedTrial, grid: Grid, name: str, rows: slice) -> tuple[float, float]:
     """Range of most samples of a scheduling variable, which must not hold the perturbation, as the measured angle does.
 
     Second differences leave movements of a second or longer out.
     """
+    values = trial.channel(name, grid)
     low, high = np.quantile(values[rows], [OUTSIDE, 1.0 - OUTSIDE]).tolist()
     if not high - low > 1e-9 * max(abs(low), abs(high)):
         raise DataError(
@@ -236,7 +234,7 @@ class Splines:
     degree: int = 3  # 3 for cubic splines, 0 for indicators
 
     def __call__(self, place: np.ndarray) -> np.ndarray:
-        """Values of the splines at places within 0 … 1, shape (N, size)."""
+        """Values of the splines at places, shape (N, size); beyond 0 … 1 those at the next end."""
         from scipy.interpolate import BSpline  # here, because its import takes time and only such joints need it
 
         intervals = self.size if self.periodic or self.degree == 0 else self.size - 3

@@ -16,7 +16,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, fit_basis, separate_path
 from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import MOTION, InputStep, Regressors, torque_dataset
+from ankleloop.joint.regressors import MOTION, InputStep, Regressors
 from ankleloop.methods.method import INPUTS, BasisOptions, KnownDelayOptions, Method
 from ankleloop.options import option
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp
@@ -147,7 +147,7 @@ def identify_moesp(
         if step == "mean-removal":  # less the state of rest under constant inputs
             A, B = model.matrices.A, model.matrices.B
             state = state - np.linalg.solve(np.eye(len(A)) - A, B @ part.inputs.mean(axis=0))
-        torque = torque_dataset(part.time, part.rate, **simulate_torques(model.matrices, state, part))
+        torque = simulate_torques(model.matrices, state, part)
         estimate = describe_model(member, model, part, state, path, torque)
         estimate.diagnostics.update(diagnostics)
         if options.free_b:

@@ -85,7 +85,7 @@ def test_the_initial_state_belongs_to_the_record(trial, other):
         model = estimate.predictor
         torques = simulate_torques(model.matrices, model.initial_state, model.inputs.regressors(prepare(record)))
         np.testing.assert_allclose(torques["reflex"], estimate.torque["reflex"], atol=1e-12)
-        difference = estimate.predict(record).torque["reflex"].values - torques["reflex"]
+        difference = (estimate.predict(record).torque["reflex"] - torques["reflex"]).values
         assert np.ptp(difference[:20]) > 1e-3
         np.testing.assert_allclose(difference[300:], difference[-1], atol=1e-6)
 

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy import special
 
-from ankleloop.joint.dynamics import ReflexDynamics, respond
+from ankleloop.joint.dynamics import GRIDS, ReflexDynamics, respond
 from ankleloop.joint.hammerstein import ReflexPath
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Regressors
@@ -243,8 +243,8 @@ def make_grid(
     Shapes: returns responses (R, F), delays (D, F).
     """
     shifts = np.zeros(1) if delay is None else DELAYS - delay
-    grid = [(dynamics, shift) for dynamics in ReflexDynamics.grid(order) for shift in shifts.tolist()]
-    return grid, respond(ReflexDynamics.grid(order), band.s), np.exp(-np.outer(shifts, band.s))
+    grid = [(dynamics, shift) for dynamics in GRIDS[order] for shift in shifts.tolist()]
+    return grid, respond(GRIDS[order], band.s), np.exp(-np.outer(shifts, band.s))
 
 
 def fit_grid(

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import special
 from scipy.fft import irfft
 
-from ankleloop.joint.dynamics import ReflexDynamics, respond
+from ankleloop.joint.dynamics import GRIDS, ReflexDynamics, respond
 from ankleloop.methods.riv.alternatives import Alternative, compute_shifts
 from ankleloop.methods.riv.equations import Parameters, fit_grid, solve_scaled
 from ankleloop.methods.riv_tv.equations import MEAN_SPLINES, Motion, TimeVaryingEquations, WhitenedSystem
@@ -225,7 +225,7 @@ def _fit_constants(equations: TimeVaryingEquations) -> tuple[np.ndarray, ReflexD
     predicted, inside, (k, b, g, i) = equations.predicted, equations.inside, equations.bases.blocks
     motion = [predicted.spectra[block].sum(axis=0) for block in (k, b, i)]
     inputs = np.stack([*motion, predicted.drive.sum(axis=0)])[:, inside]
-    s, target, grid = equations.s[inside], equations.torque[inside], ReflexDynamics.grid(equations.options.order)
+    s, target, grid = equations.s[inside], equations.torque[inside], GRIDS[equations.options.order]
     width, noise = equations.resolution * equations.size / equations.rate, np.ones(target.size)
     responses = respond(grid, s)
     for _ in range(2):
