@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,8 +122,8 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, A
         try:
             estimates, unseen, scores = _fit(trials, check, specification)
             test = _test_residual(trials, estimates, check.instrumental)
-            description = _describe_estimate(check, method, trials[0], estimates[0], test)
-            row |= scores | description | {"assumptions": _list_assumptions(trials, specification, estimates[0])}
+            assumptions = _list_assumptions(trials, specification, estimates[0])
+            row |= scores | _describe_estimate(check, trials[0], estimates[0], test) | {"assumptions": assumptions}
             analysis.records[label], analysis.residuals[label] = estimates, test
             if unseen:
                 analysis.unseen[label] = unseen
@@ -149,12 +148,11 @@ def refused_analysis(check: Check) -> Analysis:
 
 def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Largest order and number of block rows that any method may use: the movement has to excite as much."""
-    largest = {"order": 2, "block_rows": 15}
+    used = {"order": [2], "block_rows": [15]}
     for specification in methods.values():
-        for name, value in largest.items():
-            candidates = (specification.get("select") or {}).get(name, ())
-            largest[name] = max(value, specification.get("options", {}).get(name) or value, *candidates)
-    return largest
+        for name, values in used.items():
+            values += [specification["options"].get(name) or 0, *(specification["select"] or {}).get(name, ())]
+    return {name: max(values) for name, values in used.items()}
 
 
 def _fit(
@@ -162,12 +160,11 @@ def _fit(
 ) -> tuple[list[Estimate], list[xr.Dataset], dict[str, Any]]:
     """Estimates of the whole, torques of one half that the fit to the other predicts, and the scores of both."""
     method, options, select = specification["method"], specification["options"], specification["select"] or None
-    merged = len(trials) > 1
-    if reason := reason_against(method, options, check.loop, check.reference, check.path_bias, merged=merged):
+    if reason := reason_against(method, options, check.loop, check.reference, check.path_bias, merged=len(trials) > 1):
         raise DataError(reason)
     first, second = _split_halves(trials)
     scores: dict[str, Any] = {"vaf_unseen": np.nan, "selected": ""}
-    unseen: list[xr.Dataset] = []
+    unseen = []
     chosen: dict[str, Any] = {}
     try:
         half = _identify(first, method, select=select, criterion=specification["criterion"], **options)[0]
@@ -194,10 +191,10 @@ def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], lis
     if len(trials) > 1:
         middle = (len(trials) + 1) // 2
         return trials[:middle], trials[middle:]
-    time = trials[0].samples("time")
-    edges = time[0], 0.5 * (time[0] + time[-1]), time[-1] + 1.0
-    first, second = (prepare(segment(trials[0].trial, *ends)) for ends in pairwise(edges))
-    return [first], [second]
+    start, end = trials[0].time[[0, -1]]
+    middle = 0.5 * (start + end)
+    first, second = segment(trials[0].trial, start, middle), segment(trials[0].trial, middle, end + 1.0)
+    return [prepare(first)], [prepare(second)]
 
 
 def _identify(trials: list[PreparedTrial], method: str, **options: Any) -> list[Estimate]:
@@ -223,27 +220,22 @@ def _test_residual(trials: list[PreparedTrial], estimates: list[Estimate], instr
     It is tested against the position, or unless the loop is open against what the reference explains of it.
     """
     trial, estimate = max(zip(trials, estimates, strict=True), key=lambda pair: pair[0].samples("time").size)
-    torque, time = estimate.torque, estimate.torque["time"].values
+    torque, time, delay = estimate.torque, estimate.torque["time"].values, estimate.reflex["delay"]
     residual, rate = (torque[MEASURED] - torque["net"]).values, torque.attrs["identification_rate"]
     if not instrumental:
         return residual_test(residual, trial.channel_at("position", time, rate), rate)
-    regressors = trial.regressors(
-        delay=estimate.reflex["delay"], basis="rectifier", identification_rate=rate, reference="reference"
-    )
+    regressors = trial.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference="reference")
     rows, common = match_times(regressors.time, time)
     return residual_test(residual[common], trial.predict_inputs(regressors)[rows, 0], rate)
 
 
-def _describe_estimate(
-    check: Check, method: str, trial: PreparedTrial, estimate: Estimate, test: ResidualTest
-) -> dict[str, Any]:
+def _describe_estimate(check: Check, trial: PreparedTrial, estimate: Estimate, test: ResidualTest) -> dict[str, Any]:
     """Columns of the table about the estimate of the first trial."""
     warnings, diagnostics = estimate.fit_warnings, estimate.diagnostics
     # Where there is a warning, the covariance belongs to a solution that was not reached, or to another model.
     shown = replace(estimate, intervals={}) if warnings else estimate
     # Warnings about the data concern all methods alike, so they do not decide between them.
-    about_data = diagnostics.get("data_warnings", ())
-    validity = VALIDITY[method]
+    validity, about_data = VALIDITY[estimate.method], diagnostics.get("data_warnings", ())
     cautions = validity.closed_caution if check.instrumental else validity.open_caution, *about_data
     return {
         **{f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")},
@@ -269,8 +261,7 @@ def _list_assumptions(trials: list[PreparedTrial], specification: Mapping[str, A
         except DataError as error:
             texts.append(f"What a delay of {1000 * OTHER_DELAY:g} ms more would do cannot be told: {error}")
     for alternative in diagnostics.get("alternatives", ()):
-        moved = format_shifts(alternative["shifts"])
-        texts.append(f"With {alternative['effect']} in the model it would move {moved}.")
+        texts.append(f"With {alternative['effect']} in the model it would move {format_shifts(alternative['shifts'])}.")
     return " ".join(text[0].upper() + text[1:] for text in texts)
 
 

@@ -16,7 +16,6 @@ from ankleloop.checks.record import check_coherence, check_drift, check_length, 
 from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import KnownDelayOptions, Trial
 from ankleloop.options import option, show_fields
 from ankleloop.recordings.validity import describe_validity, valid_methods
@@ -69,7 +68,7 @@ class Check:
         return "\n".join(f"{f.verdict:>8}  {f.name}: {f.text}" for f in self.findings)
 
 
-class _CheckOptions(KnownDelayOptions):
+class CheckOptions(KnownDelayOptions):
     """Options of `check_trial`."""
 
     reference: str = option("reference", "variable that serves as reference")
@@ -77,7 +76,7 @@ class _CheckOptions(KnownDelayOptions):
     block_rows: int = option(15, "largest number of its block rows", unit="samples", ge=3, le=200)
 
 
-@show_fields(_CheckOptions)
+@show_fields(CheckOptions)
 def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     """Check what can be identified from a recording before anything is fitted to it.
 
@@ -113,19 +112,18 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     >>> check.verdict, check.loop, "riv" in check.methods
     ('ok', 'closed', True)
     """
-    values = _CheckOptions.parse("check_trial", **options)
+    values = CheckOptions.parse("check_trial", **options)
     reference, delay, rate = values.reference, values.delay, values.identification_rate
     parts: Any = trial if isinstance(trial, (list, tuple)) else [trial]
     if not parts:
         raise DataError("there are no trials to check.")
     prepared = [prepare(part) for part in parts]
     refuse_repeated_trials(prepared)
-    datasets = [part.trial for part in prepared]
-    length = check_length(datasets, rate)
+    length = check_length([part.trial for part in prepared], rate)
     if length.verdict == "refused":
         return Check([length], "undecided", {})
-    name = reference if reference != "position" and all(reference in dataset for dataset in datasets) else None
-    records: list[Regressors] = []
+    name = reference if reference != "position" and all(reference in part.trial for part in prepared) else None
+    records = []
     try:
         for part in prepared:
             records.append(part.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference=name))
@@ -135,11 +133,10 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     signals = [check_signals(part, record.grid, delay) for part, record in zip(prepared, records, strict=True)]
     usable, strength = check_instrument(prepared, records, delay)
     loop, feedback = check_loop(records, usable)
-    if usable and loop != "open":
+    motions = (motion_products(part, record.grid) for part, record in zip(prepared, records, strict=True))
+    signs = [check_sign(motion.stiffness, motion.explained) for motion in motions]
+    if usable and loop != "open":  # least squares may be off by torque that is fed back
         signs = check_signs_by_reference(records)
-    else:
-        motions = (motion_products(part, record.grid) for part, record in zip(prepared, records, strict=True))
-        signs = [check_sign(motion.stiffness, motion.explained) for motion in motions]
     sign = merge_findings(signs)
     findings = [
         length,

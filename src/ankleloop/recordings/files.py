@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,12 +16,11 @@ from ankleloop.joint.estimate_files import save_estimate
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.joint.time_varying_course import make_course
-from ankleloop.methods.method import KnownDelayOptions
 from ankleloop.methods.registry import find_method
 from ankleloop.recordings.analysis import Analysis, describe_failure, refused_analysis
-from ankleloop.recordings.checks import Check, Finding
+from ankleloop.recordings.checks import Check, CheckOptions, Finding
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.trials.files import write_csv
+from ankleloop.trials.files import PathLike, write_csv
 from ankleloop.trials.readers import read_trial
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.trial import remove_drift, segment
@@ -34,7 +32,7 @@ GROUPS = ("subject", "condition", "trial")
 COURSE = ("cycle_onsets", "schedule")
 
 
-def load_recording(path: str | os.PathLike[str], mapping: Mapping[str, Any]) -> xr.Dataset:
+def load_recording(path: PathLike, mapping: Mapping[str, Any]) -> xr.Dataset:
     """Read a recording, take the part of it that is to be analysed, and remove the drift."""
     trial = read_trial(path, **{name: mapping[name] for name in ReadingOptions.model_fields if name in mapping})
     start, stop = mapping.get("start"), mapping.get("stop")
@@ -60,7 +58,7 @@ def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]
     onsets, schedule = (mapping.get(name) for name in COURSE)
     if onsets is None and schedule is None:
         return []
-    name, options, prepared = "cycles" if schedule is None else "schedule", KnownDelayOptions(), prepare(trial)
+    name, options, prepared = "cycles" if schedule is None else "schedule", CheckOptions(), prepare(trial)
     try:
         grid = prepared.grid(options.identification_rate, options.delay)
         course = make_course(prepared, grid, onsets, schedule)
@@ -90,19 +88,17 @@ def tabulate_analysis(
     return pd.concat([groups, table], axis=1)
 
 
-def export_estimates(
-    estimates: Mapping[str, Sequence[Estimate]], folder: str | os.PathLike[str], *, overwrite: bool = False
-) -> None:
+def export_estimates(estimates: Mapping[str, Sequence[Estimate]], folder: PathLike) -> None:
     """Write estimates as NetCDF, MATLAB and CSV files; those of merged trials are numbered."""
     for key, trials in estimates.items():
         Path(folder).mkdir(parents=True, exist_ok=True)
         for number, estimate in enumerate(trials, 1):
             stem = f"{key}-{number}" if len(trials) > 1 else key
             for suffix in SUFFIXES:
-                export_estimate(estimate, Path(folder, f"{stem}{suffix}"), overwrite=overwrite)
+                export_estimate(estimate, Path(folder, f"{stem}{suffix}"), overwrite=True)
 
 
-def export_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+def export_estimate(estimate: Estimate, path: PathLike, *, overwrite: bool = False) -> None:
     """Write one estimate to a file for another program.
 
     `.nc` and `.mat` are the files of `ankleloop.save_estimate`, with torques, model, parameters, intervals and

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
-import xarray as xr
 
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import Analysis, compare_unseen
 from ankleloop.recordings.validity import VALIDITY
 
-NO_CONCLUSION = "Nothing can be concluded from this recording"
-PREFERENCE = list(VALIDITY)
 # Of `Analysis.table`; those that no method of a recording has are missing there.
 COLUMNS = ("label", "method", "vaf_unseen", "unseen_warnings", "caution", "variation_p", "incomplete")
-NOTHING = ("", np.nan)  # cells without a text
+NOTHING = ("", float("nan"))  # cells without a text
 LEVEL = 0.05  # of the test whether anything varies
-DIMENSIONS = {
-    "phase": ("with the phase of the cycle", "unseen cycles"),
-    "time": ("with time", "the unseen half"),
-    "schedule": ("with the scheduling variable", "the unseen half"),
-}
+CHANGES = {"phase": "with the phase of the cycle", "time": "with time", "schedule": "with the scheduling variable"}
 
 
 class Recommendation(NamedTuple):
@@ -71,11 +61,11 @@ def recommend(analysis: Analysis) -> Recommendation:
             reason = "it was refused" if check.verdict == "refused" else "no method is valid for it"
         elif trusted.empty:
             reason = f"every method that was fitted has a warning ({', '.join(valid['label'])})"
-        return Recommendation(None, f"{NO_CONCLUSION}: {reason}.")
+        return Recommendation(None, f"Nothing can be concluded from this recording: {reason}.")
     if check.instrumental:
         row, reason = _choose_by_reference(check.loop, trusted, valid)
     else:
-        row, reason = _choose_by_vaf(analysis.unseen, comparable)
+        row, reason = _choose_by_vaf(analysis, comparable)
     condition = "If the loop was open: " if check.loop == "undecided" and not check.reference else ""
     kind = "without an interval" if pd.isna(row.get("K_low")) else f"{row['intervals']} 95 % interval"
     stiffness = f"K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}, {kind}"
@@ -99,12 +89,12 @@ def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) 
     return row, f"{'the loop is closed' if loop == 'closed' else 'feedback is not excluded'}, {reason}"
 
 
-def _choose_by_vaf(unseen: Mapping[str, list[xr.Dataset]], comparable: pd.DataFrame) -> tuple[pd.Series, str]:
+def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Series, str]:
     """The method that explains most of the unseen half, or the preferred one of those that cannot be told from it."""
-    pairs = itertools.permutations(comparable["label"], 2)
-    gains = {(a, b): compare_unseen(unseen[a], unseen[b]) for a, b in pairs}
+    labels, unseen = comparable["label"], analysis.unseen
+    gains = {(a, b): compare_unseen(unseen[a], unseen[b]) for a in labels for b in labels if a != b}
     beaten = {worse for (_, worse), gain in gains.items() if gain and gain.low > 0}
-    row = _prefer(comparable[~comparable["label"].isin(beaten)])
+    row = _prefer(comparable[~labels.isin(beaten)])
     others = {label: gain for (label, other), gain in gains.items() if other == row["label"]}
     score = f"{row['vaf_unseen']:.1f} % of the half that was not fitted"
     if not others:
@@ -115,17 +105,15 @@ def _choose_by_vaf(unseen: Mapping[str, list[xr.Dataset]], comparable: pd.DataFr
         return row, f"it explains most ({score}), by {margin:.2g} points or more (95 % confidence)"
     ends = [f"{gain.low:+.2g} … {gain.high:+.2g} points" if gain else "it is too short" for gain in unclear.values()]
     shown = ", ".join(f"{label} ({text})" for label, text in zip(unclear, ends, strict=True))
-    return row, (
-        "of the methods that the data do not tell apart it comes first in the order of "
-        "preference (riv, the MOESP family, the parallel cascade). "
-        f"It explains {score}; the others there, with the 95 % interval of their difference from it: {shown}"
-    )
+    order = "the order of preference (riv, the MOESP family, the parallel cascade)"
+    reason = f"of the methods that the data do not tell apart it comes first in {order}. It explains {score}"
+    return row, f"{reason}; the others there, with the 95 % interval of their difference from it: {shown}"
 
 
 def _prefer(rows: pd.DataFrame) -> pd.Series:
     """The method with the fewest parameters, without a caution if there is one; of equal ones the first."""
-    cautious = ~rows["caution"].isin(NOTHING)
-    return rows.loc[min(rows.index, key=lambda k: (cautious[k], PREFERENCE.index(rows.loc[k, "method"])))]
+    cautious, order = ~rows["caution"].isin(NOTHING), list(VALIDITY)
+    return rows.loc[min(rows.index, key=lambda k: (cautious[k], order.index(rows.loc[k, "method"])))]
 
 
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
@@ -135,7 +123,7 @@ def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
         texts.append("This is the mean over the recording; the trajectories show the change")
     elif changing:
         texts.append(f"Its parameters are constant, and the test of {changing[0]} says that they change")
-    if isinstance(row["caution"], str) and row["caution"]:
+    if row["caution"] and pd.notna(row["caution"]):
         texts.append(f"Caution: {row['caution'].rstrip('.')}")
     if row.get("residual_related") in (True, 1):
         texts.append("Its residual still depends on the movement, so its model is not complete")
@@ -152,8 +140,7 @@ def format_with_interval(row: pd.Series, name: str) -> str:
     value, low, high = row.get(name), row.get(f"{name}_low"), row.get(f"{name}_high")
     if isinstance(value, str) or pd.isna(value):
         return value if isinstance(value, str) else "–"
-    interval = "" if pd.isna(low) else f" ({low:.4g} … {high:.4g})"
-    return f"{value:.4g}{interval}"
+    return f"{value:.4g}" if pd.isna(low) else f"{value:.4g} ({low:.4g} … {high:.4g})"
 
 
 def describe_variations(analysis: Analysis) -> dict[str, str]:
@@ -163,7 +150,8 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
     for label, estimate in analysis.estimates.items():
         if estimate.trajectories is None:
             continue
-        words, data = DIMENSIONS[str(next(iter(estimate.trajectories.sizes)))]
+        dimension = str(next(iter(estimate.trajectories.sizes)))
+        words, data = CHANGES[dimension], "unseen cycles" if dimension == "phase" else "the unseen half"
         probabilities = estimate.diagnostics["variation_p"]
         p = {name: "less than 0.001" if p < 0.001 else f"{p:.2g}" for name, p in probabilities.items()}
         each = ", ".join(f"{name} {p[name]}" for name in "KBG")
@@ -174,18 +162,16 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
         if not changes:
             text += "A change that is smaller than the bands may be there. "
         elif rows[label]["incomplete"]:
-            text += (
-                "But the model is not complete, or the record has a fault, and what a model leaves out may be taken "
-            )
-            text += "for a change. So the test decides nothing here. "
+            text += "But the model is not complete, or the record has a fault, and what a model leaves out may be "
+            text += "taken for a change. So the test decides nothing here. "
         texts[label] = text + _compare_with_constant(analysis, rows, label, data)
     return texts
 
 
-def _compare_with_constant(analysis: Analysis, rows: Mapping[str, Mapping[str, Any]], label: str, data: str) -> str:
+def _compare_with_constant(analysis: Analysis, rows: dict[str, Any], label: str, data: str) -> str:
     """VAF of unseen data beside that of a time-invariant fit."""
     row, score = rows[label], rows[label]["vaf_unseen"]
-    if np.isnan(score):
+    if pd.isna(score):
         return f"There is no VAF of {data}: {row['unseen_warnings'].removeprefix('there is none: ')}"
     text = f"Of the torque of {data} the trajectories explain {score:.1f} %"
     for constant in (name for name in analysis.unseen if rows[name]["method"] == "riv"):

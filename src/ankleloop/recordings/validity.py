@@ -12,10 +12,8 @@ LARGEST_PATH_BIAS = 10.0  # % of K; the scatter of this measure in a record of a
 DEGREE = 8  # of the basis of usual methods
 INSTRUMENTS, POSITION = {"input_matrices": "instruments"}, {"reference": "position"}
 INSTRUMENTS_TEXT = "input_matrices='instruments'"
-SUBSPACE_POLES = (
-    "in closed loop its B and D are estimated by instruments, but its poles by a subspace step that is not consistent "
-    "there: compare K with that of riv (the study voluntary measures its error)."
-)
+SUBSPACE_POLES = "in closed loop its B and D are estimated by instruments, but its poles by a subspace step that is "
+SUBSPACE_POLES += "not consistent there: compare K with that of riv (the study voluntary measures its error)."
 WHITE_NOISE = "it assumes white noise: voluntary torque biases its poles, and with them K, B and I."
 
 
@@ -66,10 +64,8 @@ def describe_validity(loop: str, reference: bool, path_bias: float, *, merged: b
     parts += ["none of them if the loop was closed"] if loop != "open" and not reference else []
     text = f"{'of those that merge trials, ' if merged else ''}{'; '.join(filter(None, parts))}."
     if not (loop != "open" and reference) and abs(path_bias) > LARGEST_PATH_BIAS and not merged:
-        text += (
-            " Intrinsic and reflex path are correlated here: in one pass (real-time, parallel-cascade with "
-            f"max_passes=1) K would be off by {path_bias:+.0f} %."
-        )
+        where = "in one pass (real-time, parallel-cascade with max_passes=1)"
+        text += f" Intrinsic and reflex path are correlated here: {where} K would be off by {path_bias:+.0f} %."
     return text
 
 
@@ -90,10 +86,8 @@ def reason_against(
         return None
     one_pass = validity.one_pass is not None and validity.one_pass.items() <= options.items()
     if one_pass and abs(path_bias) > LARGEST_PATH_BIAS:
-        return (
-            "it estimates intrinsic and reflex path one after the other, once, and they are correlated here: K would "
-            f"be off by {path_bias:+.0f} %. It needs a perturbation that decorrelates them (pulses)"
-        )
+        fault = "it estimates intrinsic and reflex path one after the other, once, and they are correlated here"
+        return f"{fault}: K would be off by {path_bias:+.0f} %. It needs a perturbation that decorrelates them (pulses)"
     needs_reference = validity.without_reference or INSTRUMENTS.items() <= options.items()
     if not reference and needs_reference and not position:
         return "needs a reference: with reference='position' it is valid if the loop is open"
@@ -107,7 +101,6 @@ def usual_methods(*, reference: bool, changing: bool = False) -> dict[str, dict[
     reference its degree and the order of riv are selected on data that the fit has not used: there the VAF tells them
     apart. With a reference they are fixed, since a selection by instruments needs more than 20 s.
     """
-    riv: dict[str, Any]
     if reference:
         suffix, riv, pr_moesp, pi_moesp = "", {"weighting": "noise"}, INSTRUMENTS, INSTRUMENTS
         spline, degrees, orders = {"basis": "spline", "degree": DEGREE}, {}, {}

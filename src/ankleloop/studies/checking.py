@@ -139,10 +139,9 @@ def expand_path(text: str, place: str) -> Path:
     template = Template(text)
     for name in template.get_identifiers():
         if not os.environ.get(name):
-            raise ConfigError(
-                f"{place} is {text}, but the environment variable {name} is not set. Set it to the folder, for "
-                f"example: export {name}=/folder/of/your/recordings (a dollar sign in the name of a folder is $$)."
-            )
+            example = f"export {name}=/folder/of/your/recordings (a dollar sign in the name of a folder is $$)"
+            remedy = f"Set it to the folder, for example: {example}."
+            raise ConfigError(f"{place} is {text}, but the environment variable {name} is not set. {remedy}")
     return Path(os.path.expanduser(template.safe_substitute(os.environ)))
 
 
@@ -177,10 +176,9 @@ def _check_keys(path: PathLike, keys: Sequence[yaml.Node]) -> None:
         if kind not in ("str", "merge"):
             raise ConfigError(f"{path}, line {line}: YAML reads the key {key.value} as {kind}: put it in quotes.")
         if key.value == TEMPLATE_KEY:
-            raise ConfigError(
-                f"{path}, line {line}: with the key {key.value} Snakemake runs Python code of this file when it reads "
-                "it, before anything can check it: leave it out. If the file is from somebody else, look what it ran."
-            )
+            fault = f"with the key {key.value} Snakemake runs Python code of this file when it reads it"
+            remedy = "leave it out. If the file is from somebody else, look what it ran"
+            raise ConfigError(f"{path}, line {line}: {fault}, before anything can check it: {remedy}.")
         if key.value in lines:
             raise ConfigError(f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too.")
         lines[key.value] = line
@@ -234,10 +232,9 @@ def read_rows(path: PathLike) -> Iterator[tuple[str, dict[str, str]]]:
         for row in reader:
             place, spare = f"{path}, line {reader.line_num}", any(row.pop("", ""))
             if spare or (None in row.values() and any(row.values())):
-                raise ConfigError(
-                    f"{place}: the row does not fit the {len(keys)} columns: put texts with commas in quotes, and "
-                    "write the commas of empty cells, too. Is the table cut off?"
-                )
+                fault = f"the row does not fit the {len(keys)} columns"
+                remedy = "put texts with commas in quotes, and write the commas of empty cells, too"
+                raise ConfigError(f"{place}: {fault}: {remedy}. Is the table cut off?")
             if any(row.values()):
                 yield place, {key: text.strip() for key, text in row.items()}
     except csv.Error as error:

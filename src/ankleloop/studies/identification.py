@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +16,7 @@ from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.registry import identify
 from ankleloop.paper.trial_tables import ENDS, ESTIMATED, as_table, save_table
+from ankleloop.trials.files import PathLike
 from ankleloop.trials.trial_files import Trials, load_rows
 
 log = logging.getLogger(__name__)
@@ -24,7 +24,6 @@ log = logging.getLogger(__name__)
 GROUP_ROWS = 2_000  # that wait as objects; those of a table take much less memory
 TYPES = {"number": pa.float64(), "count": pa.int64(), "flag": pa.bool_(), "text": pa.string()}
 
-PathLike = str | os.PathLike[str]
 Points = Mapping[str, Mapping[str, Any]]
 
 

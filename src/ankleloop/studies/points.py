@@ -256,11 +256,9 @@ def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> dic
         if not owners:
             options = dict.fromkeys(option for method in methods for option in fields[method])
             known = [*SETTINGS, *options, *(f"{method}.{option}" for method in methods for option in fields[method])]
-            raise key_error(
-                place,
-                f"{name!r} is not a setting of the simulation{suggest_name(name, known)}; known: "
-                f"{', '.join(SETTINGS)}; nor an option of a method of the study; known: {', '.join(options)}.",
-            )
+            fault = f"{name!r} is not a setting of the simulation{suggest_name(name, known)}"
+            fault += f"; known: {', '.join(SETTINGS)}; nor an option of a method of the study"
+            raise key_error(place, f"{fault}; known: {', '.join(options)}.")
         for owner in owners:
             other = names_of.setdefault((owner, field), name)
             if other != name:

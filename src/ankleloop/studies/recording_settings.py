@@ -5,7 +5,6 @@ Recordings are listed in the configuration, or in a CSV table with a row for eac
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping
 from contextlib import suppress
@@ -15,7 +14,7 @@ from typing import Any, Self
 from pydantic import field_validator, model_validator
 
 from ankleloop.options import option, show_value
-from ankleloop.studies.checking import ConfigError, cast_number, check, find_kind, read_rows
+from ankleloop.studies.checking import ConfigError, PathLike, cast_number, check, find_kind, read_rows
 from ankleloop.trials.reading_options import ReadingOptions
 
 MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
@@ -78,7 +77,7 @@ class _Row(Recording):
         return self.batch or self.name or "-".join(parts) or Path(self.file).name
 
 
-def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
+def read_recordings(path: PathLike, defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
     """Read a table of recordings: the files of each by its name, of which there are several where they are merged."""
     recordings: dict[str, list[Recording]] = {}
     batches: set[str | None] = set()
@@ -89,10 +88,9 @@ def read_recordings(path: str | os.PathLike[str], defaults: Mapping[str, Any]) -
         row = check(_Row, {**defaults, **values}, place)
         name, part = row.recording_name, Recording(**row.model_dump(exclude={"name", "batch"}))
         if not re.fullmatch(RECORDING_NAME, name) or len(name) > MAX_NAME:
-            raise ConfigError(
-                f"{place}: the name {show_value(name)} must consist of at most {MAX_NAME} letters A-Z a-z, digits and "
-                "_ - ., and begin with a letter or digit: write another one into the column name."
-            )
+            form = f"at most {MAX_NAME} letters A-Z a-z, digits and _ - ., and begin with a letter or digit"
+            remedy = "write another one into the column name"
+            raise ConfigError(f"{place}: the name {show_value(name)} must consist of {form}: {remedy}.")
         if part in recordings.get(name, ()) or (name in recordings and not (row.batch and name in batches)):
             raise ConfigError(f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own.")
         batches.add(row.batch)

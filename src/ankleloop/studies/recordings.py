@@ -26,16 +26,11 @@ from ankleloop.trials.files import atomic_file, write_csv
 
 log = logging.getLogger(__name__)
 
-Methods = Mapping[str, Mapping[str, Any]]
+Mappings = Mapping[str, Mapping[str, Any]]  # by the names of recordings, or the keys of methods
 
 
 def analyse_recordings(
-    points: Mapping[str, Mapping[str, Any]],
-    methods: Methods,
-    folder: Path,
-    window: Mapping[str, Any],
-    *,
-    index: str | None = None,
+    points: Mappings, methods: Mappings, folder: Path, window: Mapping[str, Any], *, index: str | None = None
 ) -> Iterator[tuple[str, pd.DataFrame]]:
     """Analyse recordings one after the other, and write their pages and estimates; name and table of each.
 
@@ -55,10 +50,9 @@ def analyse_recordings(
                 try:
                     table = pool.submit(analyse_one, name, mapping).result()
                 except BrokenProcessPool:
-                    raise ResourceError(
-                        "the process of the analysis was killed: most often memory was short; free memory, or take a "
-                        "shorter part of the recording (start, stop)."
-                    ) from None
+                    cause = "the process of the analysis was killed: most often memory was short"
+                    remedy = "free memory, or take a shorter part of the recording (start, stop)"
+                    raise ResourceError(f"{cause}; {remedy}.") from None
             yield name, table
 
 
@@ -69,7 +63,7 @@ def _end_with_parent() -> None:
 
 
 def _analyse(
-    name: str, mapping: Mapping[str, Any], methods: Methods, folder: Path, window: Mapping[str, Any], index: str | None
+    name: str, mapping: Mapping[str, Any], methods: Mappings, folder: Path, window: Mapping[str, Any], index: str | None
 ) -> pd.DataFrame:
     """Table of a recording; its page and its estimates are written."""
     keys = {method["label"] or key: key for key, method in methods.items()}
@@ -77,7 +71,7 @@ def _analyse(
     def write(trials: Sequence[xr.Dataset], analysis: Analysis) -> pd.DataFrame:
         log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
         records = {keys[label]: estimates for label, estimates in analysis.records.items()}
-        files.export_estimates(records, folder / name, overwrite=True)
+        files.export_estimates(records, folder / name)
         figures = draw_figures(trials, analysis, window)
         for kind, figure in figures.items() if records else ():  # the numbers that they draw
             if figure.data is not None:

@@ -78,11 +78,8 @@ def _parse(path: Path) -> frozenset[Path]:
         text = "\n".join("".join(cell["source"]) for cell in cells)
     names = set()
     for source, members, modules in IMPORT.findall(text):  # and aliases, which are no modules
-        names |= {
-            source,
-            *re.findall(r"[\w.]+", modules),
-            *(f"{source}.{name}" for name in re.findall(r"\w+", members)),
-        }
+        names |= {source, *re.findall(r"[\w.]+", modules)}
+        names |= {f"{source}.{name}" for name in re.findall(r"\w+", members)}
     return frozenset(file for name in names for file in _find_files(name))
 
 

@@ -23,11 +23,7 @@ def trial_entropy(seed: int, study: str, point: str, number: int) -> list[int]:
 
 
 def simulate_trials(
-    study: str,
-    seed: int,
-    conditions: Mapping[str, Mapping[str, Any]],
-    *,
-    precision: str = "double",
+    study: str, seed: int, conditions: Mapping[str, Mapping[str, Any]], *, precision: str = "double"
 ) -> Trials:
     """Simulate trials one after the other, with the samples that they would have in a trial file.
 
