@@ -30,7 +30,6 @@ RESOLUTION, FEWEST_BINS = 0.4, 20  # Hz, and frequencies, over which the noise s
 NOISE_SPLINES = 8  # of the level of the noise
 LOWEST_LEVEL = 0.05  # of the mean level of the noise
 POWER_FLOOR = 1e-10  # of the largest power of the noise
-CONSTANT = Splines(1, periodic=False, degree=0)
 Knots = Annotated[int, Field(ge=1, le=200)]
 
 
@@ -84,12 +83,12 @@ class Motion:
 
 
 class Bases:
-    """Splines of K, B, G and I; those of I are `CONSTANT` where it does not vary."""
+    """Splines of K, B, G and I; a single one is a constant."""
 
     def __init__(self, options: RivTvOptions, *, periodic: bool) -> None:
         k, b, g, i = counts = *options.knots, options.inertia_knots
         degree = 3 if options.interpolation == "cubic" else 0
-        self.all = [CONSTANT if count == 1 else Splines(count, periodic, degree) for count in counts]
+        self.all = [Splines(count, periodic, degree if count > 1 else 0) for count in counts]
         self.names = "KBG" if i == 1 else "KBGI"  # of those that vary
         self.size = k + b + i + g  # number of linear parameters
         # Places of the coefficients of K, B, G and I among the linear parameters; those of G come last.
@@ -97,10 +96,9 @@ class Bases:
 
     def penalty(self, weights: np.ndarray, unknowns: int) -> np.ndarray:
         """Weighted sum of the penalties, shape (unknowns, unknowns)."""
-        matrix = np.zeros((unknowns, unknowns))
-        for splines, block, weight in zip(self.all, self.blocks, weights, strict=True):
-            matrix[block, block] = weight * splines.penalty
-        return matrix
+        k, b, g, i = (weight * splines.penalty for splines, weight in zip(self.all, weights, strict=True))
+        free = np.zeros((unknowns - self.size,) * 2)  # dynamics and delays have no penalty
+        return linalg.block_diag(k, b, i, g, free)
 
 
 class WhitenedSystem:
