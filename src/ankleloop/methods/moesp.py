@@ -200,9 +200,7 @@ def _find_reference(member: str, options: MoespOptions) -> str | None:
 
 
 METHODS = tuple(
-    Method(
-        name, MoespOptions, partial(identify_moesp, member=name), merges=True, reference=partial(_find_reference, name)
-    )
+    Method(name, MoespOptions, partial(identify_moesp, member=name), partial(_find_reference, name), merges=True)
     for name in MEMBERS
 )
 
