@@ -96,9 +96,10 @@ class Bases:
 
     def penalty(self, weights: np.ndarray, unknowns: int) -> np.ndarray:
         """Weighted sum of the penalties, shape (unknowns, unknowns)."""
-        k, b, g, i = (weight * splines.penalty for splines, weight in zip(self.all, weights, strict=True))
-        free = np.zeros((unknowns - self.size,) * 2)  # dynamics and delays have no penalty
-        return linalg.block_diag(k, b, i, g, free)
+        matrix = np.zeros((unknowns, unknowns))
+        for splines, block, weight in zip(self.all, self.blocks, weights, strict=True):
+            matrix[block, block] = weight * splines.penalty
+        return matrix
 
 
 class WhitenedSystem:
@@ -261,8 +262,7 @@ class TimeVaryingEquations:
         spectrum = self.spectrum(noise)
         if self.options.weighting == "flat":
             return self.whitener(np.where(self.inside, 1.0 / np.sqrt(spectrum.mean()), 0.0))
-        weight = 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum))
-        weight = np.where(self.inside, weight, 0.0)
+        weight = np.where(self.inside, 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum)), 0.0)
         padded = np.zeros(self.grid.samples)
         padded[self.rows] = noise
         power = irfft(weight * rfft(padded, self.size), self.size)[self.rows] ** 2
@@ -271,8 +271,7 @@ class TimeVaryingEquations:
 
     def spectrum(self, noise: np.ndarray) -> np.ndarray:
         """Smoothed spectrum of the noise at the frequencies of the band [(N·m)²], white noise having its variance."""
-        power = self.band.smooth(np.abs(self.band.transform(noise)) ** 2, self.resolution)
-        power = power / np.sum(self.band.taper**2)
+        power = self.band.smooth(np.abs(self.band.transform(noise)) ** 2, self.resolution) / np.sum(self.band.taper**2)
         return np.maximum(power, POWER_FLOOR * power.max())
 
     def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:
