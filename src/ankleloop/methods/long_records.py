@@ -157,8 +157,7 @@ class _Chunks:
         record, options = self.record, self.options
         step, velocities, largest = -(-record.samples // VELOCITIES), [], 0.0
         margin = 2 * sum(map(abs, differentiation_margin(record.rate, options.delay)))  # more than the kernel is long
-        edges = [*range(0, record.samples, self.grid.factor * self.chunk), record.samples]
-        for start, stop in pairwise(edges):
+        for start, stop in pairwise([*range(0, record.samples, self.grid.factor * self.chunk), record.samples]):
             begin = max(start - margin, 0)
             position = record.read(begin, stop + margin, ["position"])["position"].values
             velocity = differentiate(position, record.rate, options.delay)[start - begin : stop - begin]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import xarray as xr
 
@@ -76,11 +76,11 @@ class Method:
     identify : callable
         ``identify(trial, options)`` gives the estimate of a prepared trial. For a method that merges,
         ``identify(trials, options)`` gives a list with an estimate for each of several prepared trials.
-    merges : bool
-        Whether it merges several trials into one identification.
     reference : callable, optional
         ``reference(options)`` names the variable whose leads or lags are instruments, or is None if there are none;
         by default the option `reference`.
+    merges : bool
+        Whether it merges several trials into one identification.
 
     Examples
     --------
@@ -94,15 +94,14 @@ class Method:
     name: str
     options: type[Options]
     identify: Callable[[Any, Any], Any]
-    merges: bool = False
     reference: Callable[[Any], str | None] = lambda options: getattr(options, "reference", None)
+    merges: bool = False
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Any:
         """Identify a trial, or a list of trials that are merged: an estimate, or a list with one for each of them."""
         chosen = self.options.parse(f"method {self.name!r}", **options)
         merged = isinstance(trial, (list, tuple))
-        parts: Any = trial if merged else [trial]
-        trials = [prepare(part) for part in parts]
+        trials = [prepare(part) for part in cast(Any, trial if merged else [trial])]
         if merged:
             if not self.merges:
                 raise DataError(f"{self.name} identifies one trial at a time; only the MOESP family merges trials.")

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import Basis, DriveSpectra, ReflexPath, fit_basis, separate_path
+from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, fit_basis, separate_path
 from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors
@@ -118,11 +118,10 @@ def identify_moesp(
     True
     """
     reference, step = _find_reference(member, options), options.omitted_step
-    kind = options.basis or "chebyshev"
-    basis: str | Basis = kind
+    inputs = options.model_dump(include=INPUTS) | {"basis": options.basis or "chebyshev", "reference": reference}
     if len(trials) > 1:
-        basis = fit_basis(np.concatenate([trial.velocity(options.delay) for trial in trials]), kind, options.degree)
-    inputs = options.model_dump(include=INPUTS) | {"basis": basis, "reference": reference}
+        velocity = np.concatenate([trial.velocity(options.delay) for trial in trials])
+        inputs["basis"] = fit_basis(velocity, inputs["basis"], options.degree)
     if step in get_args(InputStep):
         inputs["omitted_step"] = step
     regressors = [trial.regressors(**inputs) for trial in trials]
@@ -132,13 +131,10 @@ def identify_moesp(
     if options.input_matrices == "instruments":
         pairs = zip(trials, regressors, strict=True)
         arguments["predicted_inputs"] = [trial.predict_inputs(part) for trial, part in pairs]
-    model = moesp(
-        [part.inputs for part in regressors],
-        [part.torque[:, None] for part in regressors],
-        reference=None if reference is None else [np.asarray(part.reference)[:, None] for part in regressors],
-        input_matrices=options.input_matrices,
-        **arguments,
-    )
+    if reference is not None:
+        arguments["reference"] = [part.reference for part in regressors]
+    signals = [part.inputs for part in regressors], [part.torque for part in regressors]
+    model = moesp(*signals, input_matrices=options.input_matrices, **arguments)
     diagnostics: dict[str, Any] = {} if reference is None else {"reference": reference}
     if step is not None:
         diagnostics["warnings"] = [*model.diagnostics["warnings"], describe_omission(step)]
@@ -204,9 +200,7 @@ def _find_reference(member: str, options: MoespOptions) -> str | None:
 
 
 METHODS = tuple(
-    Method(
-        name, MoespOptions, partial(identify_moesp, member=name), merges=True, reference=partial(_find_reference, name)
-    )
+    Method(name, MoespOptions, partial(identify_moesp, member=name), partial(_find_reference, name), merges=True)
     for name in MEMBERS
 )
 

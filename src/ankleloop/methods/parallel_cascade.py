@@ -96,19 +96,14 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
     reflex = np.polyval(responses[1][::-1], np.exp(-spectra.s / rate))[:, None]
     path = separate_path(reflex, spectra, regressors.basis)
+    passes = {"passes": len(history), "converged": converged, "history": history}
     warnings = [] if converged or options.max_passes else [f"no convergence within {PASS_CEILING} passes"]
     return Estimate(
         method="parallel-cascade",
         torque=torque,
         stiffness=regressors.fit_stiffness(torque["intrinsic"].values, rows),
         reflex={"delay": options.delay, **path.valid_parameters},
-        diagnostics={
-            "passes": len(history),
-            "converged": converged,
-            "history": history,
-            **path.diagnostics,
-            "warnings": warnings,
-        },
+        diagnostics={**passes, **path.diagnostics, "warnings": warnings},
         predictor=model,
     )
 

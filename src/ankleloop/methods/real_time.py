@@ -9,7 +9,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import sum_paths
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import INTRINSIC_NAMES, torque_dataset
+from ankleloop.joint.regressors import MOTION, torque_dataset
 from ankleloop.methods.method import INPUTS, KnownDelayOptions, Method, RectifierOptions
 from ankleloop.options import option
 
@@ -85,27 +85,23 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     forgetting = float(np.exp(-1.0 / (options.memory * rate)))
     # The operating point is that of the settling time: later samples are not known when the parameters begin to count.
     known = slice(0, max(first, round(SHORTEST_LEVEL * rate)))
-    motion, torque = regressors.inputs[:, : len(INTRINSIC_NAMES)].copy(), torque - torque[known].mean()
+    motion, torque = regressors.inputs[:, :MOTION].copy(), torque - torque[known].mean()
     motion[:, 0] -= motion[known, 0].mean()
     intrinsic, stiffness = _track(motion, torque, forgetting, chunk, first)
     drive, longest = regressors.inputs[:, -1], round(options.reflex_lags * rate)
     padded = np.concatenate((np.full(longest, drive[0]), drive))  # before the record it has its first value
     lagged = np.lib.stride_tricks.sliding_window_view(padded, longest + 1)[:, ::-1]
     reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)
-    traces = dict(zip(("K", "B", "I", "G"), [*stiffness.T, responses.sum(axis=1)], strict=True))
+    traces = dict(zip("KBIG", [*stiffness.T, responses.sum(axis=1)], strict=True))
     time = regressors.time[::chunk]
+    traced = {f"trace_{name}": trace for name, trace in traces.items()}
     means = {name: float(trace[time >= regressors.time[first]].mean()) for name, trace in traces.items()}
     return Estimate(
         method="real-time",
         torque=torque_dataset(regressors.time, rate, **sum_paths(intrinsic, reflex)),
         stiffness={name: means[name] for name in "KBI"},
         reflex={"delay": options.delay, "G": means["G"]},
-        diagnostics={
-            "settling": settling,
-            "trace_time": time,
-            **{f"trace_{name}": trace for name, trace in traces.items()},
-            "warnings": [],
-        },
+        diagnostics={"settling": settling, "trace_time": time, **traced},
     )
 
 

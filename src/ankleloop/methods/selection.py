@@ -190,8 +190,7 @@ def _score(
         torque = estimate.predict(test, cycle_onsets=cycle_onsets).torque
         time = torque["time"].values
         scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
-        measured = test.channel_at("torque", time, torque.attrs["identification_rate"])
-        signals = np.stack([measured - torque["net"].values, measured])[:, scored]
+        signals = np.stack([torque["measured"] - torque["net"], torque["measured"]])[:, scored]
         if not np.isfinite(signals).all():
             raise DataError("the prediction of unseen data is not finite.")
         signals -= signals.mean(axis=1, keepdims=True)

@@ -123,10 +123,9 @@ class Point:
 
         Shapes: returns (free, free).
         """
-        select, e = np.ix_(free, free), self.equations
+        select = np.ix_(free, free)
         inverse = solve_scaled(self.normal[select], np.eye(free.size))
-        factor = 1.0 + 2.0 * e.band.smoothing_variance(NOISE_RESOLUTION) if e.weighting == "noise" else 1.0
-        return factor * inverse @ self.scatter[select] @ inverse.T
+        return (1.0 + 2.0 * self.equations.smoothing_variance) * inverse @ self.scatter[select] @ inverse.T
 
     @cached_property
     def movement_p(self) -> float:
@@ -161,19 +160,16 @@ class Point:
         """
         e, linear = self.equations, self.parameters.linear
         remainder = self.residual if e.open_loop else e.torque - linear @ self.instruments[: linear.size]
-        if e.weighting == "noise":
-            logarithms = np.log(e.smooth_power(remainder))
-        else:
-            logarithms = np.full(remainder.size, np.log(np.mean(np.abs(remainder) ** 2)))
-        return float(2.0 / e.band.correlation * np.sum(logarithms))
+        power = e.smooth_power(remainder) if e.weighting == "noise" else np.mean(np.abs(remainder) ** 2)
+        return float(2.0 / e.band.correlation * remainder.size * np.mean(np.log(power)))
 
     @cached_property
     def slope(self) -> np.ndarray:
         """Minus the slope of the left side, weights and instruments being renewed, shape (unknowns, unknowns)."""
         e, p, slope = self.equations, self.parameters, self.normal.copy()
         linear, target = p.linear.size, self.residual / self.level
-        for k in range(linear, len(slope)):  # instruments are the slopes of a torque, so their slopes are symmetric
-            step = DIFFERENCE * np.eye(len(slope))[k]
+        # Instruments are the slopes of a torque, so their slopes are symmetric.
+        for k, step in enumerate(DIFFERENCE * np.eye(len(slope))[linear:], linear):
             ahead, behind = (e.differentiate(e.predicted, p.add(sign * step)) for sign in (1.0, -1.0))
             change = np.real((ahead - behind).conj() @ target) / (2.0 * DIFFERENCE)
             slope[:, k] -= change
@@ -192,6 +188,8 @@ class Equations:
         self.regressors, self.weighting = regressors, weighting
         self.delay = float(regressors.delay)
         self.band = pass_band(regressors.torque.size, regressors.rate)
+        # Variance of the smoothed spectrum over its square; zero for flat weights.
+        self.smoothing_variance = self.band.smoothing_variance(NOISE_RESOLUTION) if weighting == "noise" else 0.0
         self.pole_limit = FASTEST_POLE * self.band.highest  # from which on a pole cannot be told from a delay [rad/s]
         self.torque = self.band.transform(regressors.torque)
         self.measured = self.band.transform(regressors.inputs.T)
@@ -219,12 +217,13 @@ class Equations:
 
     def find_start(self, order: int, *, estimate_delay: bool) -> Parameters:
         """Best of a grid of dynamics for the predicted position, a fit to the torque that it explains."""
-        grid, responses, delays = make_grid(self.band, order, self.delay if estimate_delay else None)
+        shifts, responses, delays = make_grid(self.band, order, self.delay if estimate_delay else None)
         linear, best, residual = fit_grid(self.predicted, self.torque, responses, delays, np.ones(self.torque.size))
         if self.weighting == "noise":
-            noise = self.smooth_power(residual)
-            linear, best, _ = fit_grid(self.predicted, self.torque, responses, delays, noise)
-        return Parameters(linear, *grid[best], delays=("delay",) * estimate_delay)
+            linear, best, _ = fit_grid(self.predicted, self.torque, responses, delays, self.smooth_power(residual))
+        number, late = divmod(best, shifts.size)
+        shift = float(shifts[late])
+        return Parameters(linear, GRIDS[order][number], shift, delays=("delay",) * estimate_delay)
 
 
 def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -235,16 +234,13 @@ def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=2)
-def make_grid(
-    band: Band, order: int, delay: float | None
-) -> tuple[list[tuple[ReflexDynamics, float]], np.ndarray, np.ndarray]:
-    """Dynamics and shifts of a delay from which a search may start; responses of the ones, and of the others.
+def make_grid(band: Band, order: int, delay: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Shifts of a delay from which a search may start, responses of the dynamics from which it may, and of the shifts.
 
-    Shapes: returns responses (R, F), delays (D, F).
+    Shapes: returns shifts (D,), responses (R, F), delays (D, F).
     """
     shifts = np.zeros(1) if delay is None else DELAYS - delay
-    grid = [(dynamics, shift) for dynamics in GRIDS[order] for shift in shifts.tolist()]
-    return grid, respond(GRIDS[order], band.s), np.exp(-np.outer(shifts, band.s))
+    return shifts, respond(GRIDS[order], band.s), np.exp(-np.outer(shifts, band.s))
 
 
 def fit_grid(

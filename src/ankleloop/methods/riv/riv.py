@@ -185,15 +185,12 @@ def robust_covariance(point: Point, free: np.ndarray) -> tuple[np.ndarray, int]:
     Shapes: returns covariance (free, free).
     """
     band = point.equations.band
-    scores = time_scores(point)[free]
-    inverse = solve_scaled(point.slope[np.ix_(free, free)], np.eye(free.size))
     freedom = max(round(band.samples / band.rate / SEGMENT) - SLOWEST, FEWEST)
-    cosines = dct(scores, norm="ortho", axis=1)[:, 1 + SLOWEST : 1 + SLOWEST + freedom]
-    influence = inverse @ cosines
+    cosines = dct(time_scores(point)[free], norm="ortho", axis=1)[:, 1 + SLOWEST : 1 + SLOWEST + freedom]
+    influence = solve_scaled(point.slope[np.ix_(free, free)], cosines)
     independent = 2.0 * point.noise.size / band.correlation
     factor = band.samples / freedom * independent / (independent - free.size)
-    if point.equations.weighting == "noise":  # the weights follow the residual whose scatter is computed here
-        factor *= 1.0 + band.smoothing_variance(NOISE_RESOLUTION)
+    factor *= 1.0 + point.equations.smoothing_variance  # weights follow the residual whose scatter is computed here
     return factor * influence @ influence.T, freedom
 
 
@@ -230,12 +227,10 @@ def estimate_intervals(
     values: Mapping[str, float], deviations: Mapping[str, float], quantile: float
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     """Standard errors and intervals of parameters, some of which have the deviations of their logarithms."""
-    errors, intervals = {}, {}
-    for name, value in values.items():
-        if name not in deviations:
-            continue
-        errors[name] = deviations[name] * (value if name in LOGARITHMIC else 1.0)
-        margin = quantile * errors[name]
+    known, intervals = [name for name in values if name in deviations], {}
+    errors = {name: deviations[name] * (values[name] if name in LOGARITHMIC else 1.0) for name in known}
+    for name, error in errors.items():
+        value, margin = values[name], quantile * error
         intervals[name] = value - margin, value + margin
         if name in LOGARITHMIC:
             ratio = float(np.exp(min(margin / value, WIDEST)))

@@ -30,7 +30,6 @@ RESOLUTION, FEWEST_BINS = 0.4, 20  # Hz, and frequencies, over which the noise s
 NOISE_SPLINES = 8  # of the level of the noise
 LOWEST_LEVEL = 0.05  # of the mean level of the noise
 POWER_FLOOR = 1e-10  # of the largest power of the noise
-CONSTANT = Splines(1, periodic=False, degree=0)
 Knots = Annotated[int, Field(ge=1, le=200)]
 
 
@@ -84,12 +83,12 @@ class Motion:
 
 
 class Bases:
-    """Splines of K, B, G and I; those of I are `CONSTANT` where it does not vary."""
+    """Splines of K, B, G and I; a single one is a constant."""
 
     def __init__(self, options: RivTvOptions, *, periodic: bool) -> None:
         k, b, g, i = counts = *options.knots, options.inertia_knots
         degree = 3 if options.interpolation == "cubic" else 0
-        self.all = [CONSTANT if count == 1 else Splines(count, periodic, degree) for count in counts]
+        self.all = [Splines(count, periodic, degree if count > 1 else 0) for count in counts]
         self.names = "KBG" if i == 1 else "KBGI"  # of those that vary
         self.size = k + b + i + g  # number of linear parameters
         # Places of the coefficients of K, B, G and I among the linear parameters; those of G come last.
@@ -263,8 +262,7 @@ class TimeVaryingEquations:
         spectrum = self.spectrum(noise)
         if self.options.weighting == "flat":
             return self.whitener(np.where(self.inside, 1.0 / np.sqrt(spectrum.mean()), 0.0))
-        weight = 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum))
-        weight = np.where(self.inside, weight, 0.0)
+        weight = np.where(self.inside, 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum)), 0.0)
         padded = np.zeros(self.grid.samples)
         padded[self.rows] = noise
         power = irfft(weight * rfft(padded, self.size), self.size)[self.rows] ** 2
@@ -273,8 +271,7 @@ class TimeVaryingEquations:
 
     def spectrum(self, noise: np.ndarray) -> np.ndarray:
         """Smoothed spectrum of the noise at the frequencies of the band [(N·m)²], white noise having its variance."""
-        power = self.band.smooth(np.abs(self.band.transform(noise)) ** 2, self.resolution)
-        power = power / np.sum(self.band.taper**2)
+        power = self.band.smooth(np.abs(self.band.transform(noise)) ** 2, self.resolution) / np.sum(self.band.taper**2)
         return np.maximum(power, POWER_FLOOR * power.max())
 
     def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:

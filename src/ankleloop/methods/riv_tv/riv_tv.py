@@ -77,12 +77,11 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     estimate = _estimate(trial, solution, options)
     if not solution.converged:
         return estimate
-    alternatives = solution.find_alternatives()
-    if alternatives[-1].effect == "delay" and alternatives[-1].significant:  # one step is too short for a delay
+    *others, last = solution.find_alternatives()
+    if last.effect == "delay" and last.significant:  # one step is too short for a delay
         freed = _solve(trial, options.model_copy(update={"delay": None}))
-        shifts = compute_shifts(solution.means, freed.means)
-        alternatives[-1] = replace(alternatives[-1], value=freed.delay, shifts=shifts)
-    return add_alternatives(estimate, alternatives)
+        last = replace(last, value=freed.delay, shifts=compute_shifts(solution.means, freed.means))
+    return add_alternatives(estimate, [*others, last])
 
 
 def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
@@ -97,11 +96,10 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     """Torques, trajectories with their bands, and means over the record."""
     equations, parameters = solution.equations, solution.parameters
     bases, course = equations.bases, equations.course
-    places = np.linspace(0.0, 1.0, PLACES)
-    curves, excitation = solution.find_trajectories(places)
+    curves, excitation = solution.find_trajectories(np.linspace(0.0, 1.0, PLACES))
+    coordinate = np.linspace(*course.limits, PLACES)
     unit = str(trial.trial[options.schedule].attrs.get("units", "")) if options.schedule else ""
     schedule = {"variable": options.schedule or "", "variable_unit": unit}
-    coordinate = course.limits[0] + (course.limits[1] - course.limits[0]) * places
     delay, dynamics, means = solution.delay, parameters.dynamics, solution.means
     inputs = ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, equations.rate, trial.rate)
     variable = options.schedule or (options.cycle_onsets if isinstance(options.cycle_onsets, str) else None)
@@ -140,8 +138,7 @@ def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dic
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}.")
     for name in equations.bases.names:
-        blank = np.isnan(curves[name])
-        edges = np.flatnonzero(np.diff(blank, prepend=False, append=False))
+        edges = np.flatnonzero(np.diff(np.isnan(curves[name]), prepend=False, append=False))
         ranges = [f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}" for start, stop in edges.reshape(-1, 2)]
         if ranges:
             warnings.append(
@@ -187,8 +184,7 @@ def _check_cycles(equations: TimeVaryingEquations) -> list[str]:
     band, floor = ((frequency > low) & (frequency < high) for low, high in (MOVEMENT_BAND, FLOOR_BAND))
     if np.mean(power[band]) < MOVEMENT_POWER * np.median(power[floor]):
         return []
-    movement = np.fft.ifft(np.where(band, np.fft.rfft(position), 0.0), position.size)
-    at_onsets = movement[starts]
+    at_onsets = np.fft.ifft(np.where(band, np.fft.rfft(position), 0.0), position.size)[starts]
     common = float(np.abs(np.mean(at_onsets / np.abs(at_onsets))))
     if common > SAME_PHASE:
         return []

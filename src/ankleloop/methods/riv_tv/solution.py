@@ -107,8 +107,7 @@ class TimeVaryingSolution:
         Shapes: places (places,); returns (places,).
         """
         bases, information = self.equations.bases, np.diag(self.system.information)
-        values: dict[str, np.ndarray] = {}
-        excitation = {}
+        values, excitation = {}, {}
         for name, splines, block in zip(bases.names, bases.all, bases.blocks, strict=False):
             weights = splines(places)
             density = information[block] / np.mean(splines(np.linspace(0.0, 1.0, INTEGRATION)) ** 2, axis=0)
@@ -116,7 +115,7 @@ class TimeVaryingSolution:
             curve = weights @ self.parameters.linear[block]
             curve[excitation[name] < IDENTIFIED] = np.nan
             margin = self.quantile * self._deviate(weights, block) if self.converged else np.nan
-            values |= {name: curve, f"{name}_low": curve - margin, f"{name}_high": curve + margin}
+            values[name], values[f"{name}_low"], values[f"{name}_high"] = curve, curve - margin, curve + margin
         return values, excitation
 
     @property
@@ -154,10 +153,9 @@ class TimeVaryingSolution:
         scale = np.sqrt(self.variance * (1.0 + e.smoothing_variance))
         predicted = self.parameters.torque(e.predicted.spectra, e.predicted.drive, e.s)
         sides = (e.measured, e.lead(self.parameters)), (e.predicted, predicted)
+        effects = [effect for effect in EFFECTS if UNKNOWNS.get(effect) not in self.parameters.delays]
         alternatives = []
-        for effect in EFFECTS:
-            if UNKNOWNS.get(effect) in self.parameters.delays:
-                continue
+        for effect in effects:
             regressor, instrument = (whiten(self._respond(effect, *side)) for side in sides)
             instrument = instrument - (instrument @ system.regressors.T) @ self._inverse @ system.instruments
             left = instrument @ self._residual
