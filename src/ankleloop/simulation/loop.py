@@ -217,8 +217,10 @@ def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limi
         for i in range(rows if len(changes) > 0 else 0):
             for j in range(columns):
                 present[i, j] = matrix[i, j]
-                for term in range(len(changes)):
-                    present[i, j] += factors[k, term] * changes[term, i, j]
+            for term in range(len(changes)):
+                factor = factors[k, term]
+                for j in range(columns):
+                    present[i, j] += factor * changes[term, i, j]
         for i in range(rows):
             total, row = 0.0, present[i]
             for j in range(columns):
