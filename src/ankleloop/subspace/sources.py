@@ -166,7 +166,7 @@ class Source:
         total: np.ndarray = np.zeros(1)
         for record in self.records:
             total = total + hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
-        return total[np.ix_(rows.indices, rows.indices)]
+        return total[rows.indices][:, rows.indices]
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
         """Triangular factor of the same rows."""
@@ -223,7 +223,7 @@ class MemorySource(Source):
         records = [np.concatenate(parts, axis=1) for parts in zip(*signals, strict=True)]
         for k, record in enumerate(records):
             self.refuse_not_finite(record, 0, f" of record {k}" if merged and len(records) > 1 else "")
-        means = [record.mean(axis=0) for record in records]
+        means = [np.einsum("tc->c", record) / len(record) for record in records]
         deviations = [record - mean for record, mean in zip(records, means, strict=True)]
         squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
         deviation = np.sqrt(squares / max(sum(self.lengths), 1))
