@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
+from ankleloop.checks.course import check_slow_movement
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import save_estimate
@@ -64,12 +64,7 @@ def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]
         course = make_course(prepared, grid, onsets, schedule)
     except DataError as error:
         return [Finding(name, "warning", str(error))]
-    if schedule is not None:
-        low, high = course.limits
-        return [Finding(name, "ok", f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile).")]
-    durations = np.bincount(course.segment) * grid.factor / prepared.rate
-    ends = dict.fromkeys([f"{durations.min():.3g}", f"{durations.max():.3g}"])
-    return [Finding(name, "ok", f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified.")]
+    return check_slow_movement(prepared.motion(grid)[0], course, options.identification_rate, schedule)
 
 
 def refuse_recording(error: Exception) -> Analysis:

@@ -158,6 +158,15 @@ def test_cycles_are_checked_before_anything_is_fitted(course, verdict, text):
     assert all(re.search(text, finding.text) for finding in findings)
 
 
+def test_a_movement_that_does_not_follow_its_schedule_is_seen_before_anything_is_fitted():
+    trial = simulate(seed=1, duration=42.0, variation="schedule", stiffness_variation=0.4, movement=0.2)
+    assert check_course(trial, {"schedule": "schedule"})[0].verdict == "ok"
+    trial["schedule"] = ("time", np.roll(trial["schedule"].to_numpy(), 500))
+    (finding,) = check_course(trial, {"schedule": "schedule"})
+    assert finding.verdict == "warning"
+    assert "s earlier than its samples say" in finding.text
+
+
 @pytest.mark.parametrize("fault", ["saturation", "friction", "noise"])
 def test_a_constant_joint_behind_a_faulty_instrument_is_not_called_changing(fault):
     trial = simulate(seed=3, duration=50.0, variation="cycle", movement=0.1)

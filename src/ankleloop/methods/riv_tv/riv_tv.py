@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ankleloop.errors import DataError
+from ankleloop.checks.course import check_slow_movement, refuse_locked_perturbation
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
@@ -20,13 +20,6 @@ from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_va
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
-LOCKED = 0.3  # share of the perturbation that has to differ from cycle to cycle
-ROUNDS = 5
-MOVEMENT_BAND, FLOOR_BAND = (0.6, 1.5), (2.0, 6.0)  # frequencies of a cycle, and those of the perturbation beside it
-MOVEMENT_POWER = 8.0  # of a movement over that of the perturbation; by chance up to 5
-SAME_PHASE = 0.9  # length of the mean of unit vectors
-SLOW, LATEST, LATER = 1.0, 1.0, 0.1  # Hz; s; what another time explains more of the movement
-FOLLOWED = 0.3  # of the slow movement, at least, by a schedule that it follows
 WEAK = 10.0  # statistic of weak instruments (Staiger and Stock 1997)
 
 
@@ -88,7 +81,7 @@ def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
     trial.check_variable(options.reference)
     equations = TimeVaryingEquations(trial, options)
     if equations.course.periodic:
-        _check_perturbation(equations)
+        refuse_locked_perturbation(equations.reference, equations.course, equations.slow_part, options.reference)
     return solve_time_varying(equations)
 
 
@@ -133,8 +126,8 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
 def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dict[str, np.ndarray]) -> list[str]:
     """What the record does not show, or the search did not reach."""
     equations, course, strength = solution.equations, solution.equations.course, solution.strength
-    checks = {"phase": _check_cycles, "schedule": _check_schedule, "time": lambda _: []}
-    warnings = checks[course.dimension](equations)
+    findings = check_slow_movement(equations.position, course, equations.rate, equations.options.schedule)
+    warnings = [finding.text for finding in findings if finding.verdict != "ok"]
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}.")
     for name in equations.bases.names:
@@ -154,63 +147,6 @@ def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dic
     if not solution.converged:
         warnings.append(f"not converged after {solution.rounds} rounds: the trajectories have no bands.")
     return warnings
-
-
-def _check_perturbation(equations: TimeVaryingEquations) -> None:
-    """Refuse a perturbation most of whose power repeats with the cycle."""
-    since, rows, signal = equations.course.since, equations.course.rows, equations.reference
-    count, repeated = np.bincount(since), np.zeros(signal.size)
-    # The movement is a function of the phase, and a locked perturbation one of the time since the onset: each is fitted
-    # to what the other leaves.
-    for _ in range(ROUNDS):
-        rest = signal - equations.slow_part(signal - repeated)
-        repeated[rows] = (np.bincount(since, rest[rows]) / count)[since]
-    left = np.sum((rest - repeated)[rows] ** 2)
-    # The mean of n independent cycles takes 1/n of their power.
-    share = float(left / max(np.sum(1.0 - 1.0 / count[since]), 1.0) / np.mean(signal[rows] ** 2))
-    if share < LOCKED:
-        raise DataError(
-            f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {equations.options.reference} repeats with the "
-            "cycle: the perturbation is locked to it. Draw a new pseudorandom sequence for every cycle."
-        )
-
-
-def _check_cycles(equations: TimeVaryingEquations) -> list[str]:
-    """Whether the movement has the same phase at all onsets, where there is one."""
-    position = equations.position - equations.position.mean()
-    starts = equations.course.rows.start + np.flatnonzero(equations.course.since == 0)
-    frequency = np.fft.rfftfreq(position.size) * float(np.median(np.diff(starts)))  # per cycle
-    power = np.abs(np.fft.rfft(position * np.hanning(position.size))) ** 2
-    band, floor = ((frequency > low) & (frequency < high) for low, high in (MOVEMENT_BAND, FLOOR_BAND))
-    if np.mean(power[band]) < MOVEMENT_POWER * np.median(power[floor]):
-        return []
-    at_onsets = np.fft.ifft(np.where(band, np.fft.rfft(position), 0.0), position.size)[starts]
-    common = float(np.abs(np.mean(at_onsets / np.abs(at_onsets))))
-    if common > SAME_PHASE:
-        return []
-    return [
-        f"the movement is not the same at all onsets of cycles (its phases agree by {common:.2f}): are they those of "
-        "another trial, or counted from another time? K, B and G over phase are wrong then."
-    ]
-
-
-def _check_schedule(equations: TimeVaryingEquations) -> list[str]:
-    """Whether the slow movement follows the schedule at once, where it follows it."""
-    size = equations.position.size
-    spectra = np.fft.rfft([equations.position, equations.course.place])
-    spectra[:, np.fft.rfftfreq(size, 1.0 / equations.rate) >= SLOW] = 0.0
-    movement, place = np.fft.irfft(spectra, size)
-    reach = round(LATEST * equations.rate)
-    middle, lags = slice(reach, -reach), range(-reach, reach + 1)
-    shares = np.array([np.corrcoef(movement[middle], np.roll(place, lag)[middle])[0, 1] ** 2 for lag in lags])
-    best = int(np.argmax(shares))
-    if shares[best] < FOLLOWED or shares[reach] > shares[best] - LATER:
-        return []
-    late = (reach - best) / equations.rate
-    return [
-        f"the slow movement follows the schedule {abs(late):.2g} s {'earlier' if late > 0 else 'later'} than its "
-        "samples say: is the schedule shifted in time, or that of another trial?"
-    ]
 
 
 METHODS = (Method("riv-tv", RivTvOptions, identify_riv_tv),)
