@@ -31,7 +31,8 @@ def test_parts_have_the_rate_and_the_faults_of_the_whole(size, faults, gap, cuts
     time = np.arange(size) / rate
     time[gap:] += 0.05 * (gap % 2)
     for sample, value in faults:
-        time[sample % size] += value
+        with np.errstate(invalid="ignore"):  # of two infinite faults
+            time[sample % size] += value
     parts = [part for part in np.split(time, sorted(cuts)) if part.size]
     in_parts = outcome(lambda: compute_rate_of_parts(parts, size, source="x"))
     assert in_parts == outcome(lambda: compute_rate_of_parts([time], time.size, source="x"))
