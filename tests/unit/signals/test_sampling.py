@@ -41,3 +41,7 @@ def test_parts_have_the_rate_and_the_faults_of_the_whole(size, faults, gap, cuts
 def test_a_single_time_has_no_rate():
     with pytest.raises(DataError, match="x: t has 1 sample: a trial needs at least 2"):
         compute_rate_of_parts([np.zeros(1)], 1, source="x", name="t")
+
+
+def test_two_times_have_a_rate():
+    assert compute_rate_of_parts([np.array([0.0, 0.01])], 2, source="x") == 100.0
