@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 
+from ankleloop import read_trial
 from ankleloop.command_line.reading import map_file
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import list_variables
@@ -104,4 +105,6 @@ def test_variables_of_every_format(tmp_path, trial, kind):
     for name in (recording.position, recording.torque, recording.reference):
         assert max(variables[name].shape) == trial.sizes["time"]
         assert variables[name].values.size == 0
-    assert ReadingOptions(**recording.model_dump(include=set(ReadingOptions.model_fields)))
+    recorded = read_trial(path, **recording.model_dump(include=set(ReadingOptions.model_fields)))
+    for name in ("position", "torque", "reference"):
+        np.testing.assert_allclose(recorded[name], trial[name], rtol=1e-9, atol=1e-12)

@@ -5,7 +5,7 @@ import pytest
 
 from ankleloop import DataError, new_trial
 from ankleloop.joint.prepared import prepare
-from ankleloop.joint.regressors import decimation_grid
+from ankleloop.joint.regressors import Grid, decimation_grid
 from ankleloop.joint.time_varying_course import find_onsets, make_course
 
 RATE = 100.0
@@ -76,3 +76,9 @@ def test_a_schedule_that_holds_the_perturbation_is_refused(share, refused):
             make_course(trial, grid, None, "angle")
     else:
         assert make_course(trial, grid, None, "angle").dimension == "schedule"
+
+
+def test_a_record_without_cycles_may_be_as_short_as_the_refusal_says(trial):
+    assert make_course(trial, Grid(1, 0, 950), None, None).segments == 8
+    with pytest.raises(DataError, match=r"the record is too short: riv-tv without cycles needs 9.5 s"):
+        make_course(trial, Grid(1, 0, 949), None, None)

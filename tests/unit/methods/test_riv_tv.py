@@ -21,6 +21,8 @@ from ankleloop.assessment.scores import true_trajectories
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.time_varying_course import find_onsets
+from ankleloop.methods.riv_tv.equations import RivTvOptions, TimeVaryingEquations
+from ankleloop.methods.riv_tv.solution import solve_time_varying
 
 LIGHT = (0.1, 10.0, 100.0)
 JOINT = {
@@ -242,6 +244,19 @@ def test_phases_without_excitation_are_blank():
     np.testing.assert_allclose(inside, 100.0 + 40.0 * np.sin(2 * np.pi * inside["phase"]), rtol=0.08)
     assert any(text.startswith("K is not identified at phase 0.") for text in result.diagnostics["warnings"])
     assert result.diagnostics["excitation"]["K"][80] < 0.02
+
+
+@pytest.mark.parametrize("onsets", ["phase", None])
+def test_samples_count_by_the_inverse_of_the_noise_at_their_place(onsets):
+    trial, _ = excited_trial(np.ones_like)
+    place = trial["phase"].values if onsets else np.linspace(0.0, 1.0, trial.sizes["time"])
+    level = 4.0 ** -np.cos(2.0 * np.pi * place)
+    trial["torque"] += 0.5 * level * np.random.default_rng(1).standard_normal(place.size)
+    options = RivTvOptions(reference="position", cycle_onsets=onsets)
+    solution = solve_time_varying(TimeVaryingEquations(prepare(trial), options))
+    course, noise = solution.equations.course, solution.system.residual(solution.parameters.linear)
+    loud = np.abs(course.place[course.rows] - 0.5) < 0.2
+    assert 0.7 < np.std(noise[loud]) / np.std(noise[~loud]) < 1.4  # in the torque it is above 4
 
 
 @pytest.mark.parametrize(
