@@ -11,7 +11,7 @@ import yaml
 
 from ankleloop.paper import judgement
 from ankleloop.paper.checks import CHECKS, Case, MissingEvidence, Row, StudyResults
-from ankleloop.paper.tables import format_number
+from ankleloop.paper.tables import format_number, format_pairs
 
 VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
@@ -113,7 +113,7 @@ def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
 def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
     """Table 1 as the paper prints it, "paper → ours ± half a 95 % interval", and the verdict of each cell."""
     rows = ledger[ledger["id"].str.startswith("table1/")]
-    texts = [f"{row.paper:g} → {format_number(row.ours, '.1f', row.uncertainty)}" for row in rows.itertuples()]
+    texts = rows["paper"].map("{:g} → ".format) + format_pairs(rows["ours"], rows["uncertainty"], "{:.2f} ± {:.2f}")
     methods, torques = rows["statement"].str.split(" by ").str[-1], rows["id"].str.split("/").str[-1] + " [% VAF]"
     cells = pd.DataFrame({"method": methods, "torque": torques, "cell": texts})
     table = cells.pivot(index="method", columns="torque", values="cell").loc[methods.unique(), torques.unique()]

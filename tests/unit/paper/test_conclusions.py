@@ -37,7 +37,7 @@ def test_table_1_stands_as_the_paper_prints_it(ledger):
     cells, verdicts = tabulate_table1(ledger)
     assert list(cells) == ["method", "net [% VAF]", "intrinsic [% VAF]", "reflex [% VAF]"]
     assert cells.shape == (3, 4)
-    assert cells["net [% VAF]"].iloc[0].startswith("92 → 92.0 ± 0.")
+    assert cells["net [% VAF]"].iloc[0].startswith("92 → 92.00 ± 0.")
     assert set(verdicts) == set(cells.iloc[:, 1:].to_numpy().ravel())
     nothing = pd.DataFrame(ledger).assign(ours=float("nan"))
     assert tabulate_table1(nothing)[0]["net [% VAF]"].iloc[0] == "92 → –"
