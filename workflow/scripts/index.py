@@ -30,10 +30,8 @@ with running(snakemake):
         write_text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
     seeds = {name: study["seed"] for name, study in studies.items() if study["seed"] is not None}
     write_crate(folder, snakemake.input.results, Path(output.configuration), provenance, seeds)
-    names = [*studies, "economy"] if output.ledger else studies
-    paths = [folder / "tables" / f"{name}.csv" for name in names]
-    write_text(output.tables, render_tables(read_tables(path for path in paths if path.exists())))
-    ledger = pd.read_csv(folder / "verification.csv") if output.ledger else None
+    write_text(output.tables, render_tables(read_tables(map(Path, snakemake.input.summaries))))
+    ledger = pd.read_csv(snakemake.input.ledger[0]) if output.ledger else None
     for path in output.ledger:
         write_text(path, render_ledger(ledger))
     times = read_run_times(logs, snakemake.params.jobs)
