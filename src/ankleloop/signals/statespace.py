@@ -53,18 +53,20 @@ def step_matrices(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray
 
 
 @kernel()
-def simulate_states(A: np.ndarray, drive: np.ndarray, x0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """States of x(t+1) = A x(t) + drive(t), and the one that follows.
+def simulate_states(A: np.ndarray, B: np.ndarray, u: np.ndarray, x0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """States of x(t+1) = A x(t) + B u(t), and the one that follows.
 
-    Shapes: A (n, n), drive (N, n), x0 (n,); returns (N, n), (n,).
+    Shapes: A (n, n), B (n, m), u (N, m), x0 (n,); returns (N, n), (n,).
     """
-    samples, n = drive.shape
+    samples, n = len(u), len(A)
     states = np.empty((samples, n))
     x, x_next = x0.copy(), np.empty(n)
     for t in range(samples):
         for i in range(n):
             states[t, i] = x[i]
-            total = drive[t, i]
+            total = 0.0
+            for j in range(B.shape[1]):
+                total += B[i, j] * u[t, j]
             for j in range(n):
                 total += A[i, j] * x[j]
             x_next[i] = total

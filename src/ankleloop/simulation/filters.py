@@ -33,7 +33,7 @@ class DiscreteFilter(NamedTuple):
 
         Shapes: u (N,); returns (N,).
         """
-        return simulate_states(self.A, np.outer(u, self.B), np.zeros(self.B.size))[0] @ self.C + self.D * u
+        return simulate_states(self.A, self.B[:, None], u[:, None], np.zeros(self.B.size))[0] @ self.C + self.D * u
 
 
 def bessel_denominator(order: int, cutoff: float) -> np.ndarray:

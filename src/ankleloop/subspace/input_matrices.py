@@ -58,7 +58,7 @@ def simulate_response(
     x0 = np.zeros(A.shape[0]) if x0 is None else np.asarray(x0, dtype=float)
     if x0.shape != A.shape[:1] or A.shape != (B.shape[0],) * 2:  # compiled code does not check its indices
         raise ValueError(f"A {A.shape}, B {B.shape} and x0 {x0.shape} must have one number of states.")
-    states, _ = simulate_states(np.ascontiguousarray(A), np.ascontiguousarray(u @ B.T), x0)
+    states, _ = simulate_states(*map(np.ascontiguousarray, (A, B, u)), x0)
     return states @ C.T + u @ D.T
 
 
@@ -99,13 +99,14 @@ class OutputRegression:
         states[:, -1] = self.C
         for x in chunks:
             u, y = x[:, :m], x[:, m : m + p]
-            drives = [*u.T[self.dynamic, :, None], np.zeros((len(x), 1))]
+            drives = np.zeros((len(blocks), len(x), 1))
+            drives[:-1, :, 0] = u.T[self.dynamic]
             rows = np.zeros((self.edges[-1] + 1, len(x), p))
             rows[-1] = y
             for i, row in enumerate(self.C):
                 rows[i:d_end:p, :, i] = u.T
                 for j, (block, drive) in enumerate(zip(blocks, drives, strict=True)):
-                    response, states[i, j] = simulate_states(transposed, drive @ row[None], states[i, j])
+                    response, states[i, j] = simulate_states(transposed, row[:, None], drive, states[i, j])
                     rows[d_end + block * n :][:n, :, i] = response.T
                 rows[offset + i, :, i] = self.offsets
             yield rows.reshape(len(rows), -1).T
