@@ -195,7 +195,8 @@ class _Chunks:
             part = self.regressors(start, stop)
             u, path = part.inputs - input_means, model.select_inputs(part.reflex)
             intrinsic = u[:, ~part.reflex] @ model.D[0, ~part.reflex]
-            states, state = simulate_states(path.A, np.ascontiguousarray(u[:, part.reflex] @ path.B.T), state)
+            A, B, drive = map(np.ascontiguousarray, (path.A, path.B, u[:, part.reflex]))
+            states, state = simulate_states(A, B, drive, state)
             reflex = states @ path.C[0] + u[:, part.reflex] @ path.D[0]
             torques = {"time": part.time, "net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
             for name, values in torques.items():

@@ -156,12 +156,12 @@ def _displace_products(products, head, tail, means):
     """Gram matrix less products of means, row by row: each row follows from that of the block row before."""
     channels, width = products.shape
     gram = np.empty((width, width))
-    for i in range(width):
-        for j in range(i, width):
-            k, m = i - channels, j - channels  # one block row before
-            if k < 0:
-                value = products[i, j]
-            else:
-                value = gram[k, m] + means[k] * means[m] + tail[k] * tail[m] - head[k] * head[m]
-            gram[i, j] = gram[j, i] = value - means[i] * means[j]
+    for i in range(channels):
+        for j in range(width):
+            gram[i, j] = gram[j, i] = products[i, j] - means[i] * means[j]
+    for i in range(channels, width):
+        k = i - channels  # one block row before, as m is
+        for m in range(width - channels):
+            value = gram[k, m] + means[k] * means[m] + tail[k] * tail[m] - head[k] * head[m]
+            gram[i, m + channels] = value - means[i] * means[m + channels]
     return gram

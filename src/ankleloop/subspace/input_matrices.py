@@ -13,7 +13,7 @@ from ankleloop.errors import DataError
 from ankleloop.options import show_value
 from ankleloop.signals.statespace import simulate_states
 
-BLOCK = 16  # columns of a panel: narrow ones leave most of the work to matrix products
+BLOCK = 16  # columns of a panel, or an eighth of all: narrow ones leave most of the work to matrix products
 
 
 class InputMatrices(NamedTuple):
@@ -58,7 +58,8 @@ def simulate_response(
     x0 = np.zeros(A.shape[0]) if x0 is None else np.asarray(x0, dtype=float)
     if x0.shape != A.shape[:1] or A.shape != (B.shape[0],) * 2:  # compiled code does not check its indices
         raise ValueError(f"A {A.shape}, B {B.shape} and x0 {x0.shape} must have one number of states.")
-    states, _ = simulate_states(*map(np.ascontiguousarray, (A, B, u)), x0)
+    A, B, drive = (np.ascontiguousarray(x, dtype=float) for x in (A, B, u))  # one type, for which it is compiled
+    states, _ = simulate_states(A, B, drive, x0)
     return states @ C.T + u @ D.T
 
 
@@ -152,4 +153,5 @@ def update_factor(factor: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
     Shapes: factor (k, k), rows (n, k); returns (k, k).
     """
-    return lapack.dtpqrt(0, min(BLOCK, len(factor)), factor, rows, overwrite_a=1, overwrite_b=1)[0]
+    block = min(BLOCK, 1 + len(factor) // 8)
+    return lapack.dtpqrt(0, block, factor, rows, overwrite_a=1, overwrite_b=1)[0]

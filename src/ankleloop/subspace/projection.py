@@ -59,8 +59,8 @@ def project_gram(
     directions, condition, largest = inputs
     components = directions.T @ gram[:m, m:]
     residual = gram[m:, m:] - components.T @ components
-    weights = directions @ components  # coefficients of the fit by the inputs, by which their rounding is multiplied
-    output_size = np.sum(weights[:, z:] ** 2) + len(gram) - m - z
+    # Squared coefficients of the rows, by which their rounding is multiplied: here of the outputs less their fit.
+    output_size = np.sum((directions @ components[:, z:]) ** 2) + len(gram) - m - z
     if z == 0:
         values, vectors = np.linalg.eigh(residual)
         if not ROUNDING * largest * output_size <= min(ACCURACY * values[-order], values[0]):
@@ -73,7 +73,7 @@ def project_gram(
     fit = instruments[0].T @ residual[:z, z:]
     coefficients = instruments[0] @ fit
     projection = _decompose(fit.T, (directions.shape[1], instruments[0].shape[1]), condition, np.sqrt(columns), order)
-    fit_size = np.sum((weights[:, :z] @ coefficients) ** 2) + np.sum(coefficients**2)
+    fit_size = np.sum((directions @ (components[:, :z] @ coefficients)) ** 2) + np.sum(coefficients**2)
     error = ROUNDING * largest * (fit_size + 2.0 * np.sqrt(fit_size * output_size))
     return projection if error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2 else None
 
@@ -139,8 +139,10 @@ def _find_directions(
     if rank_tolerance**2 < rounding:
         return None
     values, vectors = np.linalg.eigh(gram)
-    largest = values[-1] if total is None else np.linalg.eigvalsh(total)[-1]
-    count = int(np.sum(values > rank_tolerance**2 * largest))
+    largest, limit = values[-1], rank_tolerance**2
+    if total is not None and np.any((values > limit * largest) & (values <= limit * bound)):
+        largest = np.linalg.eigvalsh(total)[-1]  # between the two: only here it makes a difference
+    count = int(np.sum(values > limit * largest))
     if not count:
         return np.empty((len(gram), 0)), np.inf, float(values[-1])
     return vectors[:, -count:] / np.sqrt(values[-count:]), float(np.sqrt(values[-1] / values[-count])), float(largest)

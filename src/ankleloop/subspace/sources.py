@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import reduce
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -163,10 +164,8 @@ class Source:
 
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """Inner products of the Hankel rows, each less its mean over each record unless offsets are zero."""
-        total: np.ndarray = np.zeros(1)
-        for record in self.records:
-            total = total + hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
-        return total[rows.indices][:, rows.indices]
+        grams = (hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets) for record in self.records)
+        return reduce(np.add, grams)[rows.indices][:, rows.indices]
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
         """Triangular factor of the same rows."""
