@@ -58,17 +58,15 @@ def simulate_states(A: np.ndarray, B: np.ndarray, u: np.ndarray, x0: np.ndarray)
 
     Shapes: A (n, n), B (n, m), u (N, m), x0 (n,); returns (N, n), (n,).
     """
-    samples, n = len(u), len(A)
-    states = np.empty((samples, n))
-    x, x_next = x0.copy(), np.empty(n)
-    for t in range(samples):
-        for i in range(n):
-            states[t, i] = x[i]
+    states = np.empty((len(u) + 1, len(A)))
+    states[0] = x0
+    for t in range(len(u)):
+        x, x_next, drive = states[t], states[t + 1], u[t]
+        for i in range(len(A)):
             total = 0.0
             for j in range(B.shape[1]):
-                total += B[i, j] * u[t, j]
-            for j in range(n):
+                total += B[i, j] * drive[j]
+            for j in range(len(A)):
                 total += A[i, j] * x[j]
             x_next[i] = total
-        x, x_next = x_next, x
-    return states, x
+    return states[:-1], states[-1]
