@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -83,7 +84,7 @@ class OutputRegression:
         self.dynamic = np.flatnonzero(flags)
         p, n = C.shape
         # Where the unknowns of D end, of B, of the initial states, and of the offsets.
-        self.edges = np.cumsum([inputs * p, n * self.dynamic.size, records * n, records * p]).tolist()
+        self.edges = list(accumulate([inputs * p, n * self.dynamic.size, records * n, records * p]))
 
     def generate(self, chunks: Iterable[np.ndarray], record: int) -> Iterator[np.ndarray]:
         """Responses of every output to each unknown, and the outputs in the last column, chunk by chunk of a record.

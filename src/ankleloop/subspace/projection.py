@@ -73,7 +73,8 @@ def project_gram(
     fit = instruments[0].T @ residual[:z, z:]
     coefficients = instruments[0] @ fit
     projection = _decompose(fit.T, (directions.shape[1], instruments[0].shape[1]), condition, np.sqrt(columns), order)
-    fit_size = np.sum((directions @ (components[:, :z] @ coefficients)) ** 2) + np.sum(coefficients**2)
+    input_coefficients = directions @ (components[:, :z] @ coefficients)
+    fit_size = np.vdot(coefficients, coefficients) + np.vdot(input_coefficients, input_coefficients)
     error = ROUNDING * largest * (fit_size + 2.0 * np.sqrt(fit_size * output_size))
     return projection if error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2 else None
 
@@ -134,8 +135,8 @@ def _find_directions(
     rounding = MARGIN * len(gram) * ROUNDING
     factor, info = lapack.dpotrf(gram)
     inverse, info = lapack.dtrtri(factor) if not info else (factor, info)
-    if not info and max(rounding, rank_tolerance**2) * bound * np.sum(inverse**2) < 1.0:  # then all count
-        return inverse, float(np.sqrt(np.linalg.norm(gram, 1) / lapack.dpocon(factor, 1.0)[0])), bound
+    if not info and max(rounding, rank_tolerance**2) * bound * np.vdot(inverse, inverse) < 1.0:  # then all count
+        return inverse, float(np.sqrt(bound / lapack.dpocon(factor, 1.0)[0])), bound
     if rank_tolerance**2 < rounding:
         return None
     values, vectors = np.linalg.eigh(gram)
