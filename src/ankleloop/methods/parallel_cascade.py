@@ -16,6 +16,7 @@ from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import INPUTS, KnownDelayOptions, Method, RectifierOptions
 from ankleloop.options import option
+from ankleloop.subspace.input_matrices import update_factor
 
 PASS_CEILING = 10_000  # beyond any loop that converges at all
 SIGNIFICANT = 1e-6  # of the largest singular value of the lagged inputs: smaller ones count as zero
@@ -45,8 +46,9 @@ def _compress(trial: PreparedTrial, regressors: Regressors, leads: int, longest:
     first = max(leads, longest)
     position = sliding_window_view(regressors.inputs[first - leads :, 0], 2 * leads + 1)[:, ::-1]
     drive = sliding_window_view(regressors.inputs[first - longest :, -1], longest + 1)[: len(position), ::-1]
-    lagged = np.column_stack([position, drive, regressors.torque[first:][: len(position)]])
-    triangle = np.linalg.qr(lagged - lagged.mean(axis=0), mode="r")
+    lagged = np.vstack([position.T, drive.T, regressors.torque[first:][: len(position)]])
+    lagged -= lagged.mean(axis=1, keepdims=True)
+    triangle = update_factor(np.zeros((len(lagged),) * 2, order="F"), lagged.T)
     return np.split(triangle, [position.shape[1], position.shape[1] + drive.shape[1]], axis=1)
 
 
