@@ -148,7 +148,7 @@ def fisher_information(
     if spectrum is None and settings.snr_db is None and settings.voluntary == 0:
         return names, np.diag(np.where(np.abs(derivatives).any(axis=1), np.inf, 0.0))
     if spectrum is None:
-        level = settings.torque_level or float(np.std(clean.samples("torque")))
+        level = settings.torque_level or float(np.std(clean.samples["torque"]))
         spectrum = partial(disturbance_spectrum, level=level, settings=settings)
     noise = spectrum(band.frequency) * band.density
     # The taper reduces leakage; the sum counts every frequency as the record without a taper would.

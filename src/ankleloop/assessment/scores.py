@@ -130,7 +130,7 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     row: dict[str, Any] = _list_parameters(estimate)
     if estimate.intervals and estimate.diagnostics.get("intervals"):
         row["intervals"] = estimate.diagnostics["intervals"]
-    if set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars) and np.ptp(prepared.samples("torque_noise")) > 0:
+    if set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars) and np.ptp(prepared.samples["torque_noise"]) > 0:
         row["in_band_snr_db"] = in_band_snr(prepared, estimate)
     row |= {name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics}
     settings = prepared.trial.attrs if "torque_reflex" in prepared.trial else {}
@@ -171,7 +171,7 @@ def true_trajectories(trial: xr.Dataset | PreparedTrial, trajectories: xr.Datase
     known = {dimension, *TRAJECTORY_TRUTHS.values()} <= set(map(str, prepared.trial.variables))
     if dimension is None or not known or (trajectories is not None and dimension not in trajectories.dims):
         return None
-    place = prepared.samples(dimension) - (prepared.time[0] if dimension == "time" else 0.0)
+    place = prepared.samples[dimension] - (prepared.time[0] if dimension == "time" else 0.0)
     if trajectories is None:
         coordinate = np.linspace(0.0 if dimension == "phase" else place.min(), place.max(), PLACES)
         coordinate[-1] = 1.0 if dimension == "phase" else coordinate[-1]
@@ -180,7 +180,7 @@ def true_trajectories(trial: xr.Dataset | PreparedTrial, trajectories: xr.Datase
     order = np.argsort(place, kind="stable")
     period = 1.0 if dimension == "phase" else None
     values = {
-        name: (dimension, np.interp(coordinate, place[order], prepared.samples(variable)[order], period=period))
+        name: (dimension, np.interp(coordinate, place[order], prepared.samples[variable][order], period=period))
         for name, variable in TRAJECTORY_TRUTHS.items()
     }
     return xr.Dataset(values, coords={dimension: coordinate})

@@ -65,7 +65,7 @@ def check_clipping(trial: PreparedTrial, name: str) -> Finding:
 
     It does if many samples are there, at least some of them in a row, compared to the next values.
     """
-    x = trial.samples(name)
+    x = trial.samples[name]
     clipped = first = 0
     for edge in (x.min(), x.max()):
         at_edge = np.flatnonzero(x == edge)
@@ -101,13 +101,13 @@ def _runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def check_rest(trial: PreparedTrial, name: str) -> Finding:
     """A channel that keeps one value for a second while another one moves, or together with all others for long."""
-    x = trial.samples(name)
+    x = trial.samples[name]
     repeats = np.flatnonzero(x[1:] == x[:-1])
     starts, lengths = _runs(repeats) if repeats.size else (repeats, repeats)
     long = lengths >= REST * trial.rate - 1
     rests = [(int(start), int(start + length) + 1) for start, length in zip(starts[long], lengths[long], strict=True)]
     witness = "position" if name == "torque" else "reference" if "reference" in trial.trial else "torque"
-    other = trial.samples(witness)
+    other = trial.samples[witness]
     # A position that stands still while the torque moves may be a perturbation that pauses.
     share = MOVEMENT["position"] if (name, witness) == ("position", "torque") else MOVEMENT[witness]
     dead = [rest for rest in rests if np.ptp(other[slice(*rest)]) > share * np.ptp(other)]
@@ -118,7 +118,7 @@ def check_rest(trial: PreparedTrial, name: str) -> Finding:
         return Finding(f"rest of the {name}", "ok", f"the {name} does not stand still for {REST:g} s.")
     samples = sum(stop - start for start, stop in dead)
     start, stop = dead[0]
-    time = trial.samples("time")
+    time = trial.samples["time"]
     text = (
         f"{samples} samples ({100.0 * samples / x.size:.3g} %) of the {name} keep one value, first from {start} to "
         f"{stop - 1} ({time[start]:.6g} … {time[stop - 1]:.6g} s): the channel was dead or the record is padded there, "
@@ -133,7 +133,7 @@ def check_gaps(trial: PreparedTrial, name: str) -> Finding:
     What comes to rest by itself does so smoothly; a held value begins and ends with a break. Values that are held for a
     second are a matter of `check_rest`.
     """
-    x = trial.samples(name)
+    x = trial.samples[name]
     slopes = np.diff(x)
     bends = np.abs(np.diff(slopes))
     largest = ROUNDING * float(np.abs(x).max())
@@ -164,7 +164,7 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     The height of a peak is the geometric mean of the two changes from 3 ms before it and to 3 ms after it; it is
     compared with the median of the largest peaks of ten parts of the record.
     """
-    x, ok = trial.samples(name), Finding(f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE:g} ms stands out.")
+    x, ok = trial.samples[name], Finding(f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE:g} ms stands out.")
     reach = max(1, round(SPIKE * trial.rate))
     here = x[reach:-reach]
     products = (here - x[: -2 * reach]) * (here - x[2 * reach :])  # positive at a peak
@@ -186,7 +186,7 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
 
 
 def _place(trial: PreparedTrial, sample: int) -> str:
-    return f"sample {sample} ({float(trial.samples('time')[sample]):.6g} s)"
+    return f"sample {sample} ({float(trial.samples['time'][sample]):.6g} s)"
 
 
 CHANNEL_CHECKS = (check_clipping, check_rest, check_gaps, check_spikes)

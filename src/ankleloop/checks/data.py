@@ -140,7 +140,7 @@ def refuse_repeated_trials(trials: Sequence[PreparedTrial]) -> None:
     """
     numbers: dict[tuple[int, ...], int] = {}
     for number, trial in enumerate(trials, 1):
-        earlier = numbers.setdefault(tuple(hash(trial.samples(name).tobytes()) for name in REQUIRED), number)
+        earlier = numbers.setdefault(tuple(hash(trial.samples[name].tobytes()) for name in REQUIRED), number)
         if earlier != number:
             raise DataError(
                 f"trials {earlier} and {number} of {len(trials)} are the same record, which would count twice: leave "

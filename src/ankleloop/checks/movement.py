@@ -88,7 +88,7 @@ def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
                 "can be computed with: check its unit."
             )
             return Finding("scale", "refused", text)
-        x = trial.samples(name)
+        x = trial.samples[name]
         if deviation < BAND_SHARE * sqrt(np.mean((x[:: x.size // SAMPLED | 1] - x[0]) ** 2)):
             highest = PASSBAND * trial.rate / motion.grid.factor
             text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
@@ -153,7 +153,7 @@ def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     length = round(NOISE_SEGMENT * trial.rate)
     if velocity.size < 10 * length or trial.rate < 2.5 * NOISE_BAND:
         return ok
-    signals = velocity, trial.samples("torque")
+    signals = velocity, trial.samples["torque"]
     step = max(length // 2, velocity.size // NOISE_SEGMENTS)
     v, t = (segment_spectra(signal, length, step) for signal in signals)
     power, torque = (np.mean(np.abs(spectra) ** 2, axis=0) for spectra in (v, t))
@@ -178,7 +178,7 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
     """
     ok = Finding("bandwidth", "ok", "the torque was sampled fast enough.")
     length = 2 * round(trial.rate)
-    torque = trial.samples("torque")
+    torque = trial.samples["torque"]
     if trial.rate >= FAST_RATE or torque.size < 5 * length:
         return ok
     density = np.mean(np.abs(segment_spectra(torque, length, length // 2)) ** 2, axis=0)

@@ -62,7 +62,7 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
         return ok
     chance = 1.0 / sqrt(grid.samples)
     # As it was recorded the reference costs nothing, but its aliases can make a position look early.
-    if _correlate_rates(trial, trial.samples(name)[grid.first :: grid.factor][: grid.samples], grid) > -CHANCE * chance:
+    if _correlate_rates(trial, trial.samples[name][grid.first :: grid.factor][: grid.samples], grid) > -CHANCE * chance:
         return ok
     correlation = _correlate_rates(trial, trial.channel(name, grid), grid)
     limit = CHANCE * chance if _explains_more_torque(trial, name, grid) else max(AHEAD, CERTAIN * chance)
@@ -86,7 +86,7 @@ def _correlate_rates(trial: PreparedTrial, reference: np.ndarray, grid: Grid) ->
 
 def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
     """Whether the reference and its derivatives explain more of the torque than the position and its derivatives."""
-    samples, torque = trial.samples(name), trial.channel("torque", grid)
+    samples, torque = trial.samples[name], trial.channel("torque", grid)
     derivatives = [decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)]
     return regress_torque([*derivatives, torque])[-1] > motion_products(trial, grid).explained
 

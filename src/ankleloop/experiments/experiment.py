@@ -77,7 +77,7 @@ class Experiment:
             return replace(quiet, spectrum=lambda frequency: np.interp(frequency, points, density))
         level = settings.torque_level
         if level is None:
-            torques = [quiet.respond(command).samples("torque") for command in quiet.draw({}, seed)]
+            torques = [quiet.respond(command).samples["torque"] for command in quiet.draw({}, seed)]
             level = float(np.sqrt(np.mean(np.var(torques, axis=1))))
         return replace(quiet, spectrum=partial(disturbance_spectrum, level=level, settings=settings))
 
@@ -90,7 +90,7 @@ class Experiment:
         sizes: dict[str, float] = {}
         if self.limits:
             clean = self.respond(command)
-            sizes["torque"] = float(np.max(np.abs(clean.samples("torque"))))
+            sizes["torque"] = float(np.max(np.abs(clean.samples["torque"])))
             sizes["joint_velocity"] = float(np.mean(np.abs(clean.velocity(0.0))))
         if "servo_velocity" in self.limits:
             servo = replace(self, settings=self.settings.model_copy(update={"closed_loop": False})).respond(command)

@@ -17,7 +17,7 @@ from pyarrow import parquet
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.models import model_dataset, read_model
+from ankleloop.joint.models import dump_model, model_dataset, read_model
 from ankleloop.joint.regressors import MEASURED, TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.options import check_flag, check_path, show_value
@@ -32,6 +32,7 @@ JSON = "json"  # the diagnostics
 
 MEMORY = 2**21  # bytes of a table that are in memory before they go to a temporary file
 ROWS = 25  # estimates of a row group
+TABLE: Any = {"compression": "zstd", "use_dictionary": False, "write_page_checksum": True}  # no number occurs twice
 # Groups that a table holds as JSON, by their columns.
 COLUMNS = {"reflex": "reflex_parameters"} | {name: name for name in ("stiffness", "intervals", "model", "trajectories")}
 
@@ -77,24 +78,18 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
         raise TypeError(f"save_estimate: estimate must be an Estimate, got {show_value(estimate)}.")
     warnings = " ".join(estimate.diagnostics.get("warnings", ()))
     attributes = {"format": FORMAT, "format_version": VERSION, "method": estimate.method, "warnings": warnings}
-    groups = {"": xr.Dataset(attrs=attributes), "torque": estimate.torque, **_make_groups(estimate, complete=True)}
+    groups = {"": xr.Dataset(attrs=attributes), "torque": estimate.torque}
+    groups |= {name: _parameter_dataset(getattr(estimate, name)) for name in ("stiffness", "reflex", "intervals")}
+    if estimate.predictor is not None:
+        groups["model"] = model_dataset(estimate.predictor)
+    if estimate.trajectories is not None:
+        groups["trajectories"] = estimate.trajectories
     groups["diagnostics"] = xr.Dataset(attrs={JSON: dump_values(estimate.diagnostics)})
     write_groups(groups, path, VARIABLE, overwrite=overwrite)
 
 
-def _make_groups(estimate: Estimate, *, complete: bool) -> dict[str, xr.Dataset]:
-    """Parameters, model and trajectories, as a file or a row of a table holds them."""
-    groups = {name: _parameter_dataset(getattr(estimate, name)) for name in ("stiffness", "reflex")}
-    groups["intervals"] = _parameter_dataset(estimate.intervals, "end")
-    if estimate.predictor is not None:
-        groups["model"] = model_dataset(estimate.predictor, complete=complete)
-    if estimate.trajectories is not None:
-        groups["trajectories"] = estimate.trajectories
-    return groups
-
-
-def _parameter_dataset(values: Mapping[str, Any], *dimensions: str) -> xr.Dataset:
-    data = xr.Dataset({name: (dimensions, np.array(value, dtype=float)) for name, value in values.items()})
+def _parameter_dataset(values: Mapping[str, Any]) -> xr.Dataset:
+    data = xr.Dataset({name: (("end",)[: np.ndim(value)], np.array(value, float)) for name, value in values.items()})
     for name in values.keys() & QUANTITIES.keys():
         data[name].attrs = {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].name}
     return data
@@ -183,6 +178,7 @@ class EstimateTable:
         columns = dict.fromkeys(("point", "name", "method", "diagnostics", *COLUMNS.values()), pa.string())
         columns |= {"number": pa.int64(), "identification_rate": pa.float64(), "time": pa.list_(pa.float64())}
         columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(np.dtype(precision))))
+        self._precision = precision
         self._schema = pa.schema(columns)
         self._rows = SpooledTemporaryFile(MEMORY, dir=None if folder is None else os.fspath(folder))  # noqa: SIM115
         weakref.finalize(self, self._rows.close)
@@ -190,11 +186,15 @@ class EstimateTable:
 
     def add(self, estimate: Estimate, *, point: str, name: str, number: int) -> None:
         """Add the estimate of a trial, by a name of its method, at a point of a study."""
-        torque, groups = estimate.torque, _make_groups(estimate, complete=False)
-        row = {"point": point, "name": name, "method": estimate.method, "number": number, **torque.attrs}
-        row |= {signal: torque.variables[signal].values for signal in ("time", *TORQUES)}
-        row["diagnostics"] = dump_values(estimate.diagnostics)
-        row |= {COLUMNS[group]: dump_values({**data.variables, **data.attrs}) for group, data in groups.items()}
+        torque, course = estimate.torque, estimate.trajectories
+        row = {"point": point, "name": name, "number": number, "method": estimate.method, "time": torque["time"].values}
+        row |= torque.attrs | {signal: torque[signal].values.astype(self._precision) for signal in TORQUES}
+        groups = {name: getattr(estimate, name) for name in ("stiffness", "reflex", "intervals", "diagnostics")}
+        if estimate.predictor is not None:
+            groups["model"] = dump_model(estimate.predictor)
+        if course is not None:
+            groups["trajectories"] = {**course.variables, **course.attrs}
+        row |= {COLUMNS.get(group, group): dump_values(values) for group, values in groups.items()}
         pickle.dump(row, self._rows, pickle.HIGHEST_PROTOCOL)
         self._count += 1
 
@@ -204,7 +204,7 @@ class EstimateTable:
         with (
             atomic_file(path, overwrite=overwrite) as partial,
             open(partial, "wb") as file,
-            parquet.ParquetWriter(file, self._schema, compression="zstd", write_page_checksum=True) as writer,
+            parquet.ParquetWriter(file, self._schema, **TABLE) as writer,
         ):
             for start in range(0, self._count, ROWS):
                 rows = [pickle.load(self._rows) for _ in range(start, min(start + ROWS, self._count))]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from functools import cache, partial
 from types import NoneType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
@@ -12,6 +13,7 @@ import xarray as xr
 from ankleloop.trials.group_files import Fields
 
 Part = TypeVar("Part")
+evaluate_types = cache(partial(get_type_hints, include_extras=True))  # of fields, which Python keeps as texts
 
 
 class Stored(NamedTuple):
@@ -29,7 +31,7 @@ def as_variable(value: Any, dimensions: str | Sequence[str] = (), unit: str = ""
 
 def _list_fields(kind: type) -> Iterator[tuple[str, Any, Stored | None]]:
     """Name, type and declaration, None for a dataclass, of each field that is stored."""
-    for field, declared in get_type_hints(kind, include_extras=True).items():
+    for field, declared in evaluate_types(kind).items():
         if get_origin(declared) is Annotated:
             yield field, *get_args(declared)
         elif dataclasses.is_dataclass(declared):

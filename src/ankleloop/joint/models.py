@@ -281,20 +281,21 @@ def read_model(fields: Fields) -> Model:
     return read_fields(StateSpaceModel, fields, inputs=inputs, matrices=matrices)
 
 
-def model_dataset(model: Model, *, complete: bool = True) -> xr.Dataset:
-    """Kind and fields of a model; complete also what other programs need to compute its torques without the library."""
-    fields: dict[str, str | xr.Variable] = {"kind": model.kind, **dump_fields(model)}
-    names: dict[str, Sequence[str]] = {}
-    if m := model.matrices:
-        fields |= {name: as_variable(getattr(m, name), dimensions) for name, dimensions in AXES.items()}
-    if complete:
-        names["basis_function"] = list(model.inputs.basis.names)
-        fields |= model.inputs.kernels()
-        if m and m.names:
-            names |= {"input": list(m.names[0]), "output": list(m.names[1])}
-            fields["input_delay"] = as_variable(np.array(m.input_delays), "input", "s")
-        if isinstance(model, ResponseModel):
-            fields |= model.lags()
+def dump_model(model: Model) -> dict[str, str | xr.Variable]:
+    """Kind and fields of a model, from which it is read."""
+    matrices = {name: as_variable(getattr(model.matrices, name), axes) for name, axes in AXES.items() if model.matrices}
+    return {"kind": model.kind, **dump_fields(model), **matrices}
+
+
+def model_dataset(model: Model) -> xr.Dataset:
+    """Fields of a model, and what other programs need to compute its torques without the library."""
+    fields = dump_model(model) | model.inputs.kernels()
+    names: dict[str, Sequence[str]] = {"basis_function": list(model.inputs.basis.names)}
+    if (m := model.matrices) and m.names:
+        names |= {"input": list(m.names[0]), "output": list(m.names[1])}
+        fields["input_delay"] = as_variable(np.array(m.input_delays), "input", "s")
+    if isinstance(model, ResponseModel):
+        fields |= model.lags()
     texts = {name: value for name, value in fields.items() if isinstance(value, str)}
     return xr.Dataset({name: value for name, value in fields.items() if name not in texts}, names, texts)
 

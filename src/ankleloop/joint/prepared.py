@@ -51,7 +51,7 @@ class PreparedTrial:
         self.trial = trial if validated else validate(trial)
         self.rate = float(self.trial.attrs["sampling_rate"])
         self.time: np.ndarray = trial.variables["time"].values  # of every sample [s], shape (samples,)
-        self.recorded = {name: variable.values for name, variable in self.trial.variables.items()}
+        self.samples = {str(name): variable.values for name, variable in self.trial.variables.items()}  # as recorded
         self.computed: dict[Hashable, Any] = {}  # values by what they were computed of; they must not be changed
 
     def clear(self) -> None:
@@ -68,10 +68,6 @@ class PreparedTrial:
             known = ", ".join(map(str, self.trial))
             raise DataError(f"the trial has no variable {name!r} {use}; it has {known}. {remedy}")
 
-    def samples(self, name: str) -> np.ndarray:
-        """Recorded samples of a variable, shape (samples,)."""
-        return self.recorded[name]
-
     def grid(self, identification_rate: float, delay: float) -> Grid:
         """Grid of all decimated samples that no filter edge touches; see `decimation_grid`."""
         return decimation_grid(self.time.size, self.rate, identification_rate, delay)
@@ -83,7 +79,7 @@ class PreparedTrial:
     @once
     def channel(self, name: str, grid: Grid) -> np.ndarray:
         """A variable, decimated; shape (N,)."""
-        return decimate(self.samples(name), *grid)
+        return decimate(self.samples[name], *grid)
 
     def channel_at(self, name: str, time: np.ndarray, identification_rate: float) -> np.ndarray:
         """A variable at the times of an estimate [s], through the decimation that the data of the estimate had.
@@ -96,12 +92,12 @@ class PreparedTrial:
     @once
     def velocity(self, delay: float) -> np.ndarray:
         """Velocity at the recording rate, delayed [rad/s], shape (samples,)."""
-        return differentiate(self.samples("position"), self.rate, delay)
+        return differentiate(self.samples["position"], self.rate, delay)
 
     @once
     def motion(self, grid: Grid) -> list[np.ndarray]:
         """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
-        return [decimate(self.samples("position"), *grid, rate=self.rate, derivative=order) for order in range(3)]
+        return [decimate(self.samples["position"], *grid, rate=self.rate, derivative=order) for order in range(3)]
 
     @once
     def regressors(
@@ -148,9 +144,9 @@ class PreparedTrial:
             raise DataError("instruments are made of the reference, and the trial has none.")
         if name == "position":  # an open-loop record: the reference explains all of it
             return regressors.inputs
-        position = predict_decimated(regressors.inputs[:, 0], self.samples(name), grid, self.rate)
+        position = predict_decimated(regressors.inputs[:, 0], self.samples[name], grid, self.rate)
         predicted = copy(self)
-        predicted.recorded, predicted.computed = self.recorded | {"position": position}, {}
+        predicted.samples, predicted.computed = self.samples | {"position": position}, {}
         return _make_inputs(predicted, regressors.delay, regressors.basis, 1, grid, regressors.omitted_step)[1]
 
 
@@ -183,7 +179,7 @@ def _take_differences(trial: PreparedTrial, grid: Grid) -> list[np.ndarray]:
 
     The kernel of the position is shorter than those of its derivatives: it reaches two samples further.
     """
-    extended = decimate(trial.samples("position"), grid.factor, grid.first - 2 * grid.factor, grid.samples + 4)
+    extended = decimate(trial.samples["position"], grid.factor, grid.first - 2 * grid.factor, grid.samples + 4)
     interval = grid.factor / trial.rate
     velocity = (extended[2:] - extended[:-2]) / (2 * interval)
     return [extended[2:-2], velocity[1:-1], (velocity[2:] - velocity[:-2]) / (2 * interval)]

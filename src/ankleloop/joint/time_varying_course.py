@@ -75,7 +75,7 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
     time = trial.time
     if isinstance(onsets, str):
         trial.check_variable(onsets, "for cycle_onsets", NO_VARIABLE)
-        phase = trial.samples(onsets)
+        phase = trial.samples[onsets]
         if phase.min() < -1e-6 or phase.max() > 1 + 1e-6:
             raise DataError(
                 f"{onsets} goes from {phase.min():.3g} to {phase.max():.3g}, and the phase of a cycle goes from 0 to "

@@ -123,7 +123,7 @@ def torque_figure(
     prepared = None if trial is None else prepare(trial)
     styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
     looks = {f"{label} (estimated)": replace(styles[label], more=ESTIMATED) for label in estimates} | TARGETS
-    time = next(iter(estimates.values())).torque["time"].values if prepared is None else prepared.samples("time")
+    time = next(iter(estimates.values())).torque["time"].values if prepared is None else prepared.samples["time"]
     first, last = find_window(time, start, length)
     titles, parts = {}, []
     for label, estimate in estimates.items():

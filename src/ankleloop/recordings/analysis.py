@@ -219,7 +219,7 @@ def _test_residual(trials: list[PreparedTrial], estimates: list[Estimate], instr
 
     It is tested against the position, or unless the loop is open against what the reference explains of it.
     """
-    trial, estimate = max(zip(trials, estimates, strict=True), key=lambda pair: pair[0].samples("time").size)
+    trial, estimate = max(zip(trials, estimates, strict=True), key=lambda pair: pair[0].samples["time"].size)
     torque, time, delay = estimate.torque, estimate.torque["time"].values, estimate.reflex["delay"]
     residual, rate = (torque[MEASURED] - torque["net"]).values, torque.attrs["identification_rate"]
     if not instrumental:

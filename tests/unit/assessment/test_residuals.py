@@ -20,7 +20,7 @@ def draw_residual(rng, samples):
 @pytest.fixture(scope="module")
 def movements():
     trials = [prepare(simulate(seed=seed, duration=22.0)) for seed in range(8)]
-    return [decimate(trial.samples("position"), 10, 500, 2000) for trial in trials]
+    return [decimate(trial.samples["position"], 10, 500, 2000) for trial in trials]
 
 
 @pytest.fixture(scope="module")

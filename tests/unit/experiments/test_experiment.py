@@ -88,8 +88,8 @@ def test_commands_are_within_their_limits(share, name):
         clean = free.respond(command)
         servo = simulate(seed=0, command=command, closed_loop=False, duration=4.0, snr_db=None, voluntary=0.0)
         return {
-            "torque": float(np.abs(clean.samples("torque")).max()),
-            "joint_velocity": float(np.abs(np.gradient(clean.samples("position"), 1e-3)).mean()),
+            "torque": float(np.abs(clean.samples["torque"]).max()),
+            "joint_velocity": float(np.abs(np.gradient(clean.samples["position"], 1e-3)).mean()),
             "servo_velocity": float(np.abs(np.gradient(servo["position"].values, 1e-3)).max()),
         }
 

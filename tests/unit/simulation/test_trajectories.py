@@ -80,7 +80,7 @@ def test_the_true_trajectories_are_those_of_the_torque():
     trial = prepare(simulate(seed=3, duration=40.0, variation="cycle", cycle_duration=2.0, **settings, **QUIET))
     grid = trial.grid(100.0, 0.04)
     motion = np.array(trial.motion(grid))
-    torque, phase = trial.channel("torque_intrinsic", grid), trial.samples("phase")[grid.first :: grid.factor]
+    torque, phase = trial.channel("torque_intrinsic", grid), trial.samples["phase"][grid.first :: grid.factor]
     phase = phase[: grid.samples]
     for place, sign in ((0.5, 1.0), (0.0, -1.0)):
         rows = np.abs(trial.channel("stiffness_true", grid) - 150.0 * (1 + 0.4 * sign)) < 0.05
