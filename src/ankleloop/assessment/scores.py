@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import permutations
+from collections.abc import Iterator, Mapping
+from itertools import permutations, product
 from typing import Any, Literal
 
 import numpy as np
@@ -80,26 +80,30 @@ def evaluate(
     """
     check_choice("evaluate", "against", against, ("measured", None))
     check_flag("evaluate", "intervals", intervals)
+    rows = list(score_torques(prepare(trial), estimate, against, trim=trim, intervals=intervals))
+    return pd.DataFrame(rows, columns=["torque", "against", "vaf", *(("low", "high") if intervals else ())])
+
+
+def score_torques(
+    prepared: PreparedTrial, estimate: Estimate, against: str | None, *, trim: float = TRIM, intervals: bool = True
+) -> Iterator[tuple[Any, ...]]:
+    """Rows of `evaluate`; a table of each trial would take most of the time."""
     inside, time, rate = _scored_samples(estimate, trim)
-    prepared = prepare(trial)
     recorded, tolerance = prepared.time, 0.5 / prepared.rate
     if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:  # of another trial, or of more of it
         raise DataError(
             f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
             "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
         )
-    measured = prepared.channel_at("torque", time, rate)
-    targets = [(part, "measured", measured) for part in TORQUES]
+    targets = list(product(TORQUES, ["measured"], [prepared.channel_at("torque", time, rate)]))
     if against is None and {"torque_intrinsic", "torque_reflex"} <= set(prepared.trial.data_vars):
         truths = {part: prepared.channel_at(f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
         parts = [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
         targets = [targets[0], ("net", "true", truths["intrinsic"] + truths["reflex"]), *parts]
-    table = []
     for torque, kind, signal in targets:
         pair = signal[inside], estimate.torque.variables[torque].values[inside]
         scores = vaf_with_interval(*pair, round(CORRELATED * rate)) if intervals else [vaf(*pair)]
-        table.append((torque, kind, *scores))
-    return pd.DataFrame(table, columns=["torque", "against", "vaf", *(("low", "high") if intervals else ())])
+        yield torque, kind, *scores
 
 
 def _scored_samples(estimate: Estimate, trim: float) -> tuple[slice, np.ndarray, float]:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import pyarrow as pa
 
-from ankleloop.assessment.scores import evaluate, parameter_row
+from ankleloop.assessment.scores import parameter_row, score_torques
 from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
@@ -91,7 +91,7 @@ def _identify(
         return None, {"failure": f"the trial could not be simulated: {trial}"}
     try:
         estimate = identify(trial, method, **options)
-        scores = evaluate(trial, estimate, against=against, intervals=True).to_numpy().tolist()
+        scores = list(score_torques(trial, estimate, against))
         parameters = parameter_row(trial, estimate)
     except NUMERICAL_ERRORS as error:
         return None, {"failure": describe_error(error)}
