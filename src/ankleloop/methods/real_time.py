@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import linalg
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
@@ -127,7 +126,7 @@ def _track(
         information = forgetting ** len(part) * information + weighted @ part
         projection = forgetting ** len(part) * projection + weighted @ target[rows]
         ridge = RIDGE * np.trace(information) / unknowns * np.eye(unknowns)
-        theta = linalg.solve(information + ridge, projection, assume_a="pos")
+        theta = np.linalg.solve(information + ridge, projection)
     first = -(-settling // chunk)
     prediction[: first * chunk] = inputs[: first * chunk] @ parameters[first]
     return prediction, parameters
