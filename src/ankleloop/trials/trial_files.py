@@ -154,23 +154,24 @@ def load_trial_of(paths: Iterable[PathLike], point: str, number: int) -> xr.Data
 
 
 @contextmanager
-def _open(path: PathLike) -> Iterator[tuple[dict[tuple[str, int], Any], Any]]:
+def _open(path: PathLike) -> Iterator[tuple[dict[tuple[str, int], int], Any]]:
     """The rows of a trial file by point and number, and a function that reads one; errors name the file."""
     import h5py
 
     with readable_file(path, "trial file", "delete it and run again") as readable, h5py.File(readable) as file:
         texts = file[INDEX].asstr()[:]
-        rows = {(point, number): (row, content) for row, (point, number, content) in enumerate(map(json.loads, texts))}
+        rows = {(point, number): row for row, (point, number, _) in enumerate(map(json.loads, texts))}
         # Decoding by the CF conventions could change samples and attributes.
         with xr.open_dataset(readable, engine="h5netcdf", decode_cf=False) as dataset:
             signals = dataset.drop_vars(INDEX).isel(trial=0, missing_dims="ignore").load().drop_encoding()
-        variables = {name: file[name] for name in signals.data_vars}  # those of xarray take ten times as long
 
         def read(point: str, number: int) -> xr.Dataset | str:
-            row, content = rows[point, number]
+            row = rows[point, number]
+            *_, content = json.loads(texts[row])  # again: the attributes of all trials would take much memory
             if isinstance(content, str):
                 return content
-            data = {name: variable[row].astype(float) for name, variable in variables.items()}
+            # From HDF5 itself, as xarray takes ten times as long; variables that stay open would keep what was read.
+            data = {name: file[name][row].astype(float) for name in signals.data_vars}
             trial = signals.copy(data=data).assign_attrs(content)
             return validate(trial, source=f"{path}, trial {number} of {point}")
 
