@@ -63,7 +63,7 @@ def project_gram(
     output_size = np.sum((directions @ components[:, z:]) ** 2) + len(gram) - m - z
     if z == 0:
         values, vectors = np.linalg.eigh(residual)
-        if not ROUNDING * largest * output_size <= min(ACCURACY * values[-order], values[0]):
+        if not MARGIN * ROUNDING * largest * output_size <= min(ACCURACY * values[-order], values[0]):
             return None
         return Projection(vectors[:, ::-1], np.sqrt(values[::-1] / columns), directions.shape[1], 0, condition)
     tolerance = max(rank_tolerance, LEAST_TOLERANCE)

@@ -2,7 +2,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ankleloop import simulate
@@ -203,6 +203,7 @@ def test_the_error_states_the_rows_that_the_correlation_form_needs(order):
     small=st.floats(-13.0, 0.0),
     tolerance=st.sampled_from([1e-3, 1e-5, 1e-8, 0.0]),
 )
+@example(seed=0, u_rows=4, y_rows=2, z_rows=0, small=-6.875, tolerance=1e-8)
 def test_inner_products_give_the_projection_of_a_factor_or_none(seed, u_rows, y_rows, z_rows, small, tolerance):
     """Also where squares hide a direction that a factor shows."""
     rng = np.random.default_rng(seed)
