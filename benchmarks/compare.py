@@ -20,7 +20,12 @@ RELATIVE, OF_ERROR = 1e-6, 1e-3
 KEYS = ["study", "point", "method", "trial"]
 WORST = 8  # columns that are listed of a table
 RECORDINGS = {
-    "ankle_df.csv.gz": {"position": "position_rad", "torque": "torque_nm", "torque_sign": -1, "sampling_rate": 1000.0},
+    "ankle_df.csv.gz": {
+        "position": "position_rad",
+        "torque": "torque_nm",
+        "torque_sign": -1,
+        "sampling_rate": 1000.0,
+    },
     "ankle_pf.mat": {"torque_sign": -1},
     "ankle_df3.h5": {"torque_sign": -1},
 }
@@ -53,15 +58,23 @@ def compare_tables(name, before, after):
     for column in before.columns.intersection(after.columns):
         old, new = before[column], after[column]
         if not pd.api.types.is_numeric_dtype(old) or old.dtype == bool or "time" in column:
-            excess = pd.Series(np.where(old.astype(object).fillna("") != new.astype(object).fillna(""), np.inf, 0.0))
+            excess = pd.Series(
+                np.where(
+                    old.astype(object).fillna("") != new.astype(object).fillna(""), np.inf, 0.0
+                )
+            )
         else:
             error = estimate_errors(before, column).fillna(0.0)
-            excess = (new - old).abs() / (np.maximum(RELATIVE * old.abs(), OF_ERROR * error) + 1e-12)
+            excess = (new - old).abs() / (
+                np.maximum(RELATIVE * old.abs(), OF_ERROR * error) + 1e-12
+            )
             excess[old.isna() != new.isna()] = np.inf
         if excess.max() > 1.0:
             worst[column] = excess.max(), (excess > 1.0).sum()
     columns = sorted(worst.items(), key=lambda item: -item[1][0])[:WORST]
-    texts = [f"{column} ×{excess:.2g} in {count} of {len(before)}" for column, (excess, count) in columns]
+    texts = [
+        f"{column} ×{excess:.2g} in {count} of {len(before)}" for column, (excess, count) in columns
+    ]
     print(f"{name}: {'; '.join(texts) or 'equal'}")
 
 
@@ -84,14 +97,24 @@ def tabulate_estimates():
             rows.append({**key, "text": "; ".join(estimate.diagnostics.get("warnings", []))})
             for parameter, value in values.items():
                 low, high = estimate.intervals.get(parameter, (value, value))
-                rows.append({**key, "parameter": parameter, "value": value, "value_low": low, "value_high": high})
+                rows.append(
+                    {
+                        **key,
+                        "parameter": parameter,
+                        "value": value,
+                        "value_low": low,
+                        "value_high": high,
+                    }
+                )
     return pd.DataFrame(rows)
 
 
 def read_estimates(tree):
     environment = {**os.environ, "PYTHONPATH": str(tree / "src"), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, __file__, "--estimates", str(tree)]
-    output = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
+    output = subprocess.run(
+        command, env=environment, check=True, capture_output=True, text=True
+    ).stdout
     return pd.read_csv(io.StringIO(output))
 
 
@@ -106,11 +129,18 @@ def main():
     for path in sorted((arguments.other / "results" / "tables").glob("*.csv")):
         present = ROOT / "results" / "tables" / path.name
         if present.exists():
-            compare_tables(path.stem, *(pd.read_csv(file, low_memory=False) for file in (path, present)))
+            compare_tables(
+                path.stem, *(pd.read_csv(file, low_memory=False) for file in (path, present))
+            )
         else:
             print(f"{path.stem}: missing")
-    ledgers = [pd.read_csv(tree / "results" / "verification.csv").set_index("id") for tree in (arguments.other, ROOT)]
-    verdicts = pd.concat([ledger["verdict"] for ledger in ledgers], axis=1, keys=["before", "after"])
+    ledgers = [
+        pd.read_csv(tree / "results" / "verification.csv").set_index("id")
+        for tree in (arguments.other, ROOT)
+    ]
+    verdicts = pd.concat(
+        [ledger["verdict"] for ledger in ledgers], axis=1, keys=["before", "after"]
+    )
     changed = verdicts[verdicts["before"] != verdicts["after"]]
     print("verdicts equal" if changed.empty else changed.to_string())
     if "ANKLELOOP_RECORDINGS" in os.environ:

@@ -36,7 +36,9 @@ class Case(NamedTuple):
     channels: int = 8
 
     def __str__(self):
-        channels = "" if self.kind in ("open loop", "paper") else f", {self.channels} × {self.channels}"
+        channels = (
+            "" if self.kind in ("open loop", "paper") else f", {self.channels} × {self.channels}"
+        )
         return f"{self.kind}{channels}, {self.samples:,} samples, {self.block_rows} block rows"
 
 
@@ -65,11 +67,15 @@ def _make_linear_data(case):
     noise, edge = LINEAR[case.kind]
     inputs, outputs = case.channels, 1 if case.kind == "open loop" else case.channels
     A = np.array([[0.6, 0.5], [-0.5, 0.6]])
-    B, C, D = (rng.standard_normal(shape) for shape in ((2, inputs), (outputs, 2), (outputs, inputs)))
+    B, C, D = (
+        rng.standard_normal(shape) for shape in ((2, inputs), (outputs, 2), (outputs, inputs))
+    )
     records = []
     for samples in (case.samples, VALIDATION_SAMPLES):
         u = rng.standard_normal((samples + SETTLING, inputs))
-        u = (signal.sosfilt(signal.butter(4, edge, output="sos"), u, axis=0) if edge else u)[SETTLING:]
+        u = (signal.sosfilt(signal.butter(4, edge, output="sos"), u, axis=0) if edge else u)[
+            SETTLING:
+        ]
         records.append((u, simulate_response(A, B, C, D, u)))
     (u, clean), validation = records
     y = clean + noise * clean.std(axis=0) * rng.standard_normal(clean.shape)
@@ -84,7 +90,9 @@ def _make_paper_data(samples, seed=1):
     measured = prepare(trial).regressors(basis="chebyshev", **options)
     other = simulate(seed=seed + 1, duration=VALIDATION_SAMPLES / RATE, snr_db=None, voluntary=0.0)
     clean = prepare(other).regressors(basis=measured.basis, **options)
-    validation = (signals - signals.mean(axis=0) for signals in (clean.inputs, clean.torque[:, None]))
+    validation = (
+        signals - signals.mean(axis=0) for signals in (clean.inputs, clean.torque[:, None])
+    )
     signals = measured.inputs, measured.torque[:, None], measured.reference[:, None]
     return Data(*signals, *validation, dynamic=measured.reflex)
 

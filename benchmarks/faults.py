@@ -21,7 +21,13 @@ METHODS = {
     "parallel-cascade": {},
 }
 LOADS = ((1.1, 7.1, 250.0), (0.1, 10.0, 100.0))
-NOISES = ((None, 0.0), (10.0, 0.05), (10.0, 0.3), (3.0, 0.05), (10.0, 1.0))  # SNR [dB] and voluntary torque
+NOISES = (
+    (None, 0.0),
+    (10.0, 0.05),
+    (10.0, 0.3),
+    (3.0, 0.05),
+    (10.0, 1.0),
+)  # SNR [dB] and voluntary torque
 CONDITIONS = list(itertools.product(LOADS, NOISES, (True, False)))
 
 
@@ -96,7 +102,11 @@ FAULTS = {
     "every tenth sample": ({}, on_all(take_every(10))),
     "every fifth sample": ({}, on_all(take_every(5))),
 }
-RATES = {"half the sampling rate": 500.0, "every tenth sample": 100.0, "every fifth sample": 200.0}  # Hz, else 1,000
+RATES = {
+    "half the sampling rate": 500.0,
+    "every tenth sample": 100.0,
+    "every fifth sample": 200.0,
+}  # Hz, else 1,000
 
 
 def judge(trial):
@@ -109,7 +119,9 @@ def judge(trial):
             low, high = estimate.intervals.get(name, (-np.inf, np.inf))
             error = abs(values[name] - TRUTHS[name])
             worst = max(worst, error / TRUTHS[name], np.inf if error > 1.5 * (high - low) else 0.0)
-        rows.append({"method": method, "warned": bool(estimate.diagnostics["warnings"]), "error": worst})
+        rows.append(
+            {"method": method, "warned": bool(estimate.diagnostics["warnings"]), "error": worst}
+        )
     return rows
 
 
@@ -118,14 +130,21 @@ def judge_fault(fault, seed):
     trial = simulate(seed=seed, **settings)
     if functions:
         values = {name: trial[name].to_numpy() for name in on_all(None)}
-        values |= {name: function(values[name], values["position"], seed) for name, function in functions.items()}
-        trial = new_trial(values["position"], values["torque"], RATES.get(fault, 1000.0), values["reference"])
+        values |= {
+            name: function(values[name], values["position"], seed)
+            for name, function in functions.items()
+        }
+        trial = new_trial(
+            values["position"], values["torque"], RATES.get(fault, 1000.0), values["reference"]
+        )
     return [{"fault": fault, **row} for row in judge(trial)]
 
 
 def judge_condition(number, seed):
     load, (snr_db, voluntary), closed = CONDITIONS[number % len(CONDITIONS)]
-    return judge(simulate(seed=seed, load=load, snr_db=snr_db, voluntary=voluntary, closed_loop=closed))
+    return judge(
+        simulate(seed=seed, load=load, snr_db=snr_db, voluntary=voluntary, closed_loop=closed)
+    )
 
 
 def measure_faults(seeds, records):
@@ -133,11 +152,19 @@ def measure_faults(seeds, records):
     with ProcessPoolExecutor() as pool:
         jobs = list(itertools.product(FAULTS, seeds))
         outcomes = pd.DataFrame(itertools.chain(*pool.map(judge_fault, *zip(*jobs, strict=True))))
-        healthy = pool.map(judge_condition, range(records), range(seeds[0] + 10_000, seeds[0] + 10_000 + records))
+        healthy = pool.map(
+            judge_condition, range(records), range(seeds[0] + 10_000, seeds[0] + 10_000 + records)
+        )
         healthy = pd.DataFrame(itertools.chain(*healthy))
     near = outcomes["error"] <= 0.15
-    counts = {"warned": outcomes["warned"], "held": ~outcomes["warned"] & near, "wrong": ~outcomes["warned"] & ~near}
+    counts = {
+        "warned": outcomes["warned"],
+        "held": ~outcomes["warned"] & near,
+        "wrong": ~outcomes["warned"] & ~near,
+    }
     table = outcomes.assign(**counts).groupby(["fault", "method"])[list(counts)].sum()
-    cells = table.astype(str).agg(" / ".join, axis=1).unstack("method").loc[list(FAULTS), list(METHODS)]
+    cells = (
+        table.astype(str).agg(" / ".join, axis=1).unstack("method").loc[list(FAULTS), list(METHODS)]
+    )
     false = healthy["warned"] & (healthy["error"] < 0.15)
     return cells, false.groupby(healthy["method"], sort=False).sum()

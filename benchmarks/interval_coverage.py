@@ -19,18 +19,30 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.paper.captions import format_point
 from ankleloop.simulation.settings import SimulationSettings
 
-TRUTHS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain", "omega_n": "omega_n", "zeta": "zeta"}
+TRUTHS = {
+    "K": "stiffness",
+    "B": "viscosity",
+    "I": "inertia",
+    "G": "reflex_gain",
+    "omega_n": "omega_n",
+    "zeta": "zeta",
+}
 INCOMPLETE = {
     "third-order reflex, fitted by second order": {"pole": 30.0},
     "reflex with a threshold of 0.3 rad/s, fitted by a rectifier": {"reflex_threshold": 0.3},
-    "K drifting by 20 % within the record": {"variation": "time", "stiffness_table": (135.0, 165.0)},
+    "K drifting by 20 % within the record": {
+        "variation": "time",
+        "stiffness_table": (135.0, 165.0),
+    },
 }
 LONG, LONG_SEED = 5_000.0, 1_000_000  # duration of the long record [s], and its seed
 
 
 def read_points(study="efficiency"):
     """Simulation settings of each point of a study, by the caption of the point."""
-    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))["studies"][study]
+    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))[
+        "studies"
+    ][study]
     points = [config["simulation"] | point for point in config["points"]]
     points = [dict(SimulationSettings.parse("the study", **point)) for point in points]
     return {format_point(point): point for point in points}
@@ -38,7 +50,10 @@ def read_points(study="efficiency"):
 
 def read_truths(points):
     """True parameters of each point."""
-    return {name: {key: settings[value] for key, value in TRUTHS.items()} for name, settings in points.items()}
+    return {
+        name: {key: settings[value] for key, value in TRUTHS.items()}
+        for name, settings in points.items()
+    }
 
 
 def estimate_truths(points):
@@ -60,7 +75,11 @@ def estimate_points(points, trials):
     """Table of the parameters and intervals of all trials of all points, on all cores."""
     with ProcessPoolExecutor() as pool:
         tables = [
-            pd.DataFrame(pool.map(partial(_estimate_parameters, settings=settings), range(trials), chunksize=5))
+            pd.DataFrame(
+                pool.map(
+                    partial(_estimate_parameters, settings=settings), range(trials), chunksize=5
+                )
+            )
             for settings in points.values()
         ]
     return pd.concat(tables, keys=points, names=["point"]).reset_index("point")

@@ -17,11 +17,18 @@ PART = 1000.0  # s: the record consists of simulated trials of this length, end 
 
 def write_record(path, samples):
     """Write a record of a number of samples, one simulated trial at a time."""
-    rates = {"recording_rate": RATE, "integration_rate": 1000.0, "antialias_cutoff": 40.0, "noise_rate": RATE}
+    rates = {
+        "recording_rate": RATE,
+        "integration_rate": 1000.0,
+        "antialias_cutoff": 40.0,
+        "noise_rate": RATE,
+    }
     with h5py.File(path, "w") as file:
         file.attrs["sampling_rate"] = RATE
         for seed, start in enumerate(range(0, samples, round(PART * RATE))):
-            trial = simulate(seed=seed, duration=PART, reflex_gain=13.0, **rates).isel(time=slice(samples - start))
+            trial = simulate(seed=seed, duration=PART, reflex_gain=13.0, **rates).isel(
+                time=slice(samples - start)
+            )
             for name in ("position", "torque", "reference"):
                 variable = file.require_dataset(name, (samples,), float, chunks=(100_000,))
                 variable[start : start + trial.sizes["time"]] = trial[name].values

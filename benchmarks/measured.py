@@ -10,7 +10,9 @@ import time
 from datetime import UTC, datetime
 from statistics import median
 
-os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+os.environ.update(
+    dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+)
 
 import faults
 import interval_coverage
@@ -40,7 +42,9 @@ def measure_speed():
             start = time.process_time()
             call(seed)
             times.append(time.process_time() - start)
-        rows.append({"method": f"`{name}`", "trial of 50 s at 1 kHz [ms]": f"{1e3 * median(times[2:]):.0f}"})
+        rows.append(
+            {"method": f"`{name}`", "trial of 50 s at 1 kHz [ms]": f"{1e3 * median(times[2:]):.0f}"}
+        )
     return {
         "One identification": "Median time of the processor on one thread, checks of the data included, without those "
         f"of the first call.\n\n{format_table(rows)}",
@@ -63,7 +67,11 @@ def measure_scaling():
 def measure_forms():
     """Root mean square error of the poles by each form of the projection, in a linear loop."""
     pole = np.roots([1.0, -1.5, 0.7]).max()
-    forms = {"ordinary": ("ordinary", 0), "correlation": ("correlation", 0), "correlation, leads": ("correlation", 6)}
+    forms = {
+        "ordinary": ("ordinary", 0),
+        "correlation": ("correlation", 0),
+        "correlation, leads": ("correlation", 6),
+    }
     errors = {name: [] for name in forms}
     for seed in range(10):
         rng = np.random.default_rng(seed)
@@ -86,12 +94,16 @@ def measure_accuracy():
     """Errors of riv and riv-tv beside the bound, and of the forms of the projection."""
     points = interval_coverage.read_points()
     truths, rows = interval_coverage.read_truths(points), []
-    for name, part in interval_coverage.estimate_points(points, TRIALS).groupby("point", sort=False):
+    for name, part in interval_coverage.estimate_points(points, TRIALS).groupby(
+        "point", sort=False
+    ):
         row, bound = {"setting": name}, cramer_rao(seed=1, **points[name])
         for key, truth in truths[name].items():
             error = part[key] - truth
             ratio = np.sqrt(np.mean(error**2)) / bound[key]
-            row[key] = f"{100 * error.mean() / truth:+.1f} ± {100 * error.std() / truth:.1f} ({ratio:.2f})"
+            row[key] = (
+                f"{100 * error.mean() / truth:+.1f} ± {100 * error.std() / truth:.1f} ({ratio:.2f})"
+            )
         rows.append(row)
     return {
         "Constant joints": f"`riv`, {TRIALS} trials of 50 s at 10 dB in each setting of the study `efficiency`: mean "
@@ -107,7 +119,9 @@ def measure_accuracy():
 
 def describe_intervals(target, points, truths):
     """Share of intervals that hold what they are for, as text and table."""
-    table = interval_coverage.compute_coverage(interval_coverage.estimate_points(points, TRIALS), truths)
+    table = interval_coverage.compute_coverage(
+        interval_coverage.estimate_points(points, TRIALS), truths
+    )
     rows = table.map("{:.1f}".format).rename_axis("point").reset_index()
     return (
         f"Share of the 95 % intervals of `riv`, the delay being known, that hold {target}. {TRIALS} trials of 50 s in "
@@ -118,7 +132,10 @@ def describe_intervals(target, points, truths):
 def measure_coverage():
     """How often the intervals of riv hold what they are for."""
     points, incomplete = interval_coverage.read_points(), interval_coverage.INCOMPLETE
-    truths, limits = interval_coverage.read_truths(points), interval_coverage.estimate_truths(incomplete)
+    truths, limits = (
+        interval_coverage.read_truths(points),
+        interval_coverage.estimate_truths(incomplete),
+    )
     long = "what the same fit gives on a record 100 times as long"
     return {
         "Complete models": describe_intervals("the truth", points, truths),
@@ -151,7 +168,9 @@ PAGES = {
 def write_page(name):
     """Measure the numbers of a page and write it."""
     title, measure = PAGES[name]
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
+    ).stdout
     stamp = f"Written by `make benchmark` on {datetime.now(UTC):%Y-%m-%d}, commit {commit.strip()}."
     sections = [f"## {heading}\n\n{text.strip()}" for heading, text in measure().items()]
     text = "\n\n".join([f"# {title}", f"{stamp} Times depend on the machine.", *sections])

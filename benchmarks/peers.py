@@ -14,7 +14,9 @@ import warnings
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+os.environ.update(
+    dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+)
 sys.path.append(str(Path(sys.prefix) / "peers"))  # behind the packages of the environment
 
 import numpy as np
@@ -47,7 +49,9 @@ def measure_memory(name, case):
     data, short = make_data(case), case._replace(samples=min(case.samples, 1_000))
     program(make_data(short), case.block_rows)  # loads packages and compiles
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_LIMIT, MEMORY_LIMIT))
-    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")  # Linux only: the peak begins anew
+    Path("/proc/self/clear_refs").write_text(
+        "5", encoding="ascii"
+    )  # Linux only: the peak begins anew
     before = peak_memory()
     program(data, case.block_rows)
     return peak_memory() - before
@@ -99,8 +103,14 @@ def compare(case, rounds):
             continue
         count = len(times[name])
         low, middle, high = np.quantile(times[name] / times["ankleloop"][:count], [0.25, 0.5, 0.75])
-        row |= {"median [ms]": f"{1e3 * np.median(times[name]):,.2f}", "over ankleloop": f"{middle:,.2f}"}
-        row |= {"quartiles": f"{low:,.2f} … {high:,.2f}" if count >= LEAST_ROUNDS else "", "rounds": count}
+        row |= {
+            "median [ms]": f"{1e3 * np.median(times[name]):,.2f}",
+            "over ankleloop": f"{middle:,.2f}",
+        }
+        row |= {
+            "quartiles": f"{low:,.2f} … {high:,.2f}" if count >= LEAST_ROUNDS else "",
+            "rounds": count,
+        }
         vaf, pole_error = score_model(data, *calls[name]())
         diverges = vaf < LEAST_VAF
         row["peak [MiB]"] = f"{memories[name]:,.0f}"
@@ -114,7 +124,10 @@ def compare_all(rounds=ROUNDS):
     """Table of all programs on all data sets as Markdown."""
     warnings.simplefilter("ignore")
     if programs.MISSING:
-        print(f"Without {'; '.join(programs.MISSING)}: `make benchmark` installs them.", file=sys.stderr)
+        print(
+            f"Without {'; '.join(programs.MISSING)}: `make benchmark` installs them.",
+            file=sys.stderr,
+        )
     return format_table([row for case in CASES for row in compare(case, rounds)])
 
 

@@ -30,7 +30,10 @@ POINTS = {
     "gain 30, no noise": {"reflex_gain": 30.0, "snr_db": None, "voluntary": 0.0},
     "voluntary torque": {"reflex_gain": 13.0, "voluntary": 1.0},
 }
-METHODS = {name: (name, {}) for name in ("pr-moesp", "eiv-moesp", "pi-moesp", "parallel-cascade", "real-time", "riv")}
+METHODS = {
+    name: (name, {})
+    for name in ("pr-moesp", "eiv-moesp", "pi-moesp", "parallel-cascade", "real-time", "riv")
+}
 METHODS["pr-moesp, B free"] = "pr-moesp", {"free_b": True}
 METHODS["riv, delay estimated"] = "riv", {"delay": None}
 PARAMETERS = ("K", "B", "I", "G")
@@ -49,8 +52,12 @@ def identify_all():
                 values = {**estimate.stiffness, **estimate.reflex}
                 quantities = {key: values[key] for key in PARAMETERS if key in values}
                 quantities |= {key: estimate.torque[key].values for key in TORQUES}
-                quantities |= {key: estimate.diagnostics.get(key, 0) for key in ("passes", "iterations")}
-                results |= {f"{name}/{point}/{seed}/{key}": value for key, value in quantities.items()}
+                quantities |= {
+                    key: estimate.diagnostics.get(key, 0) for key in ("passes", "iterations")
+                }
+                results |= {
+                    f"{name}/{point}/{seed}/{key}": value for key, value in quantities.items()
+                }
     return results
 
 
@@ -60,15 +67,24 @@ def run_kinds():
     for kind in KINDS:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder, "results.npz")
-            environment = {**os.environ, "OPENBLAS_CORETYPE": kind, "OPENBLAS_VERBOSE": "2", "OMP_NUM_THREADS": "1"}
+            environment = {
+                **os.environ,
+                "OPENBLAS_CORETYPE": kind,
+                "OPENBLAS_VERBOSE": "2",
+                "OMP_NUM_THREADS": "1",
+            }
             if kind == "Nehalem":
                 environment |= {**OLD, "NUMBA_CACHE_DIR": folder}
-            process = subprocess.run([sys.executable, __file__, path], env=environment, capture_output=True, text=True)
+            process = subprocess.run(
+                [sys.executable, __file__, path], env=environment, capture_output=True, text=True
+            )
             core = re.search(r"^Core: (\w+)", process.stderr + process.stdout, re.MULTILINE)
             if process.returncode == 0:
                 with np.load(path) as arrays:
                     results.setdefault(core[1] if core else kind, dict(arrays))
-            elif process.returncode > 0:  # a signal says that the processor does not know an instruction
+            elif (
+                process.returncode > 0
+            ):  # a signal says that the processor does not know an instruction
                 raise RuntimeError(f"{kind}: {process.stderr}")
     return results
 

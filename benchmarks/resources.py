@@ -39,7 +39,12 @@ def make_recordings(folder):
         files[f"r{number}"] = {"file": f"{number}.csv"}
         columns = {name: trial[name].values for name in ("position", "torque", "reference")}
         pd.DataFrame(columns).to_csv(folder / f"{number}.csv", index=False)
-    study = {"kind": "recordings", "notebook": None, "folder": str(folder), "recordings_per_chunk": RECORDINGS}
+    study = {
+        "kind": "recordings",
+        "notebook": None,
+        "folder": str(folder),
+        "recordings_per_chunk": RECORDINGS,
+    }
     study |= {"defaults": {"sampling_rate": RATE, "reference": "reference"}, "files": files}
     return study | {"methods": {name: {"method": name} for name in ("pr-moesp", "riv")}}
 
@@ -51,16 +56,30 @@ def measure_jobs(folder, sizes=SIZES):
     for group, names in GROUPS.items():
         for trials, duration in sizes:
             study = f"{group}-{trials}-{duration:g}"
-            studies[study] = make_sweep({"reflex_gain": [13.0]}, trials, [], simulation={"duration": duration})
-            studies[study] |= {"trials_per_chunk": 1000, "methods": {name: VARIANTS[name] for name in names}}
+            studies[study] = make_sweep(
+                {"reflex_gain": [13.0]}, trials, [], simulation={"duration": duration}
+            )
+            studies[study] |= {
+                "trials_per_chunk": 1000,
+                "methods": {name: VARIANTS[name] for name in names},
+            }
             samples = trials * duration * RATE
-            contents[f"simulate/{study}"] = {"start": 1.0, "simulated trial": trials, "simulated sample": samples}
+            contents[f"simulate/{study}"] = {
+                "start": 1.0,
+                "simulated trial": trials,
+                "simulated sample": samples,
+            }
             parts = {"start": 1.0, "prepared trial": trials, "prepared sample": samples}
             for name in names:
-                parts |= {f"{name} trial": trials, f"{name} sample": samples * IDENTIFICATION_RATE / RATE}
+                parts |= {
+                    f"{name} trial": trials,
+                    f"{name} sample": samples * IDENTIFICATION_RATE / RATE,
+                }
             contents[f"identify/{study}"] = parts
     run_workflow(folder, studies, "--cores", "1")
-    seconds = [pd.read_csv(folder / "logs" / job / "0.tsv", sep="\t")["cpu_time"][0] for job in contents]
+    seconds = [
+        pd.read_csv(folder / "logs" / job / "0.tsv", sep="\t")["cpu_time"][0] for job in contents
+    ]
     return pd.DataFrame(contents.values(), index=contents).fillna(0.0), np.array(seconds)
 
 
@@ -76,9 +95,13 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         contents, seconds = measure_jobs(Path(folder))
     parts = fit(contents, seconds)
-    print((contents @ parts / seconds).groupby(lambda job: job.split("/")[0]).describe().to_string())
+    print(
+        (contents @ parts / seconds).groupby(lambda job: job.split("/")[0]).describe().to_string()
+    )
     samples = 50.0 * IDENTIFICATION_RATE
-    wide, narrow = (parts[f"{name} trial"] + samples * parts[f"{name} sample"] for name in ("wide", "pr-moesp"))
+    wide, narrow = (
+        parts[f"{name} trial"] + samples * parts[f"{name} sample"] for name in ("wide", "pr-moesp")
+    )
     parts = parts.drop(["wide trial", "wide sample"])
     parts["block rows"] = math.log2(wide / narrow)
     rounded = {name: float(f"{value:.4g}") for name, value in parts.items()}

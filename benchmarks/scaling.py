@@ -33,14 +33,23 @@ def make_grid(points):
 
 def make_recordings(folder, count):
     """A study with a table of recordings, whose files are empty: a dry run does not open them."""
-    paths = [folder / "recordings" / f"{number // 100}" / f"{number}.mat" for number in range(count)]
+    paths = [
+        folder / "recordings" / f"{number // 100}" / f"{number}.mat" for number in range(count)
+    ]
     for path in paths:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
-    table = pd.DataFrame({"name": [f"r{path.stem}" for path in paths], "file": paths, "torque_sign": -1})
+    table = pd.DataFrame(
+        {"name": [f"r{path.stem}" for path in paths], "file": paths, "torque_sign": -1}
+    )
     table.to_csv(folder / "list.csv", index=False)
     methods = {"pi-moesp": {"method": "pi-moesp"}}
-    return {"kind": "recordings", "folder": str(folder), "table": str(folder / "list.csv"), "methods": methods}
+    return {
+        "kind": "recordings",
+        "folder": str(folder),
+        "table": str(folder / "list.csv"),
+        "methods": methods,
+    }
 
 
 def measure_dry_runs(points):
@@ -49,8 +58,12 @@ def measure_dry_runs(points):
     with tempfile.TemporaryDirectory() as folder:
         grid, recordings = make_grid(points), make_recordings(Path(folder), points)
         studies = {
-            "trials of 50 s, everything is kept": make_sweep(grid, TRIALS, methods, keep="everything"),
-            "trials of 10 s, scores are kept": make_sweep(grid, TRIALS, methods, keep="scores", simulation=short),
+            "trials of 50 s, everything is kept": make_sweep(
+                grid, TRIALS, methods, keep="everything"
+            ),
+            "trials of 10 s, scores are kept": make_sweep(
+                grid, TRIALS, methods, keep="scores", simulation=short
+            ),
             "recordings": recordings,
         }
         for name, study in studies.items():
@@ -58,10 +71,16 @@ def measure_dry_runs(points):
                 Path(folder), {"big": study}, "--dry-run", "--quiet", "all", "--cores", "2"
             )
             start = time.process_time()
-            read = read_run({"run": ["big"], "article": [], "studies": {"big": study}}, [])[1]["big"]
+            read = read_run({"run": ["big"], "article": [], "studies": {"big": study}}, [])[1][
+                "big"
+            ]
             checks = time.process_time() - start
             count = len(read.points)
-            row = {"study": name, "points": f"{count:,}", "trials": f"{count * study.get('trials', 1):,}"}
+            row = {
+                "study": name,
+                "points": f"{count:,}",
+                "trials": f"{count * study.get('trials', 1):,}",
+            }
             jobs = re.findall(r"^total\s+(\d+)", output, re.MULTILINE)
             row["jobs"] = f"{int(jobs[-1]):,}"
             row |= {"dry run [s]": f"{seconds:.1f}", "of it configuration [s]": f"{checks:.2f}"}

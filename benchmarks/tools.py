@@ -16,12 +16,24 @@ ROOT = Path(__file__).resolve().parents[1]
 def run_workflow(folder, studies, *arguments):
     """Run the studies in a folder, with this version of the library: time of the processor [s], memory [MB], output."""
     config = folder / "config.yaml"
-    config.write_text(yaml.safe_dump({"run": list(studies), "article": [], "studies": studies}), encoding="utf-8")
+    config.write_text(
+        yaml.safe_dump({"run": list(studies), "article": [], "studies": studies}), encoding="utf-8"
+    )
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-    command = [Path(sys.executable).with_name("snakemake"), "--snakefile", ROOT / "Snakefile", "--configfile", config]
+    command = [
+        Path(sys.executable).with_name("snakemake"),
+        "--snakefile",
+        ROOT / "Snakefile",
+        "--configfile",
+        config,
+    ]
     with open(folder / "output.txt", "w+", encoding="utf-8") as file:
         process = subprocess.Popen(
-            [*command, *arguments], cwd=folder, env=os.environ | {"PYTHONPATH": path}, stdout=file, stderr=file
+            [*command, *arguments],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": path},
+            stdout=file,
+            stderr=file,
         )
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)

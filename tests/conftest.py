@@ -34,7 +34,9 @@ def pytest_collection_modifyitems(items):
 
 def ignore_partial(folder, names):
     """Files of compiled code that another process is writing: they are gone when they would be copied."""
-    return [name for name in names if Path(folder).name == "__pycache__" and not name.endswith(COMPILED)]
+    return [
+        name for name in names if Path(folder).name == "__pycache__" and not name.endswith(COMPILED)
+    ]
 
 
 @pytest.fixture(scope="session")
@@ -109,7 +111,11 @@ def laboratory(tmp_path_factory):
     """A folder of recordings: a good one, in degrees and with the torque turned round, and one with a gap."""
     folder = tmp_path_factory.mktemp("recordings")
     trial = ankleloop.simulate(seed=1, duration=20.0, reflex_gain=5.0, closed_loop=False)
-    columns = {"t": trial["time"], "angle_deg": np.degrees(trial["position"]), "tq": -trial["torque"]}
+    columns = {
+        "t": trial["time"],
+        "angle_deg": np.degrees(trial["position"]),
+        "tq": -trial["torque"],
+    }
     table = pd.DataFrame({name: values.values for name, values in columns.items()})
     table.to_csv(folder / "good.csv.gz", index=False)
     table.loc[777, "tq"] = np.nan
@@ -121,17 +127,29 @@ def laboratory(tmp_path_factory):
 def reduced(repository, snakemake, laboratory):
     """Run the whole paper, reduced by config/ci.yaml, with a study of recordings; an overlay changes its settings."""
     ci = yaml.safe_load((repository / "config/ci.yaml").read_text(encoding="utf-8"))
-    example = yaml.safe_load((repository / "config/recordings.example.yaml").read_text(encoding="utf-8"))
+    example = yaml.safe_load(
+        (repository / "config/recordings.example.yaml").read_text(encoding="utf-8")
+    )
     study = example["studies"]["recordings"]
-    recording = {"subject": "Ann", "condition": "rest", "position": "angle_deg", "torque": "tq", "position_unit": "deg"}
+    recording = {
+        "subject": "Ann",
+        "condition": "rest",
+        "position": "angle_deg",
+        "torque": "tq",
+        "position_unit": "deg",
+    }
     names = {"A1": "good.csv.gz", "A2": "bad.csv", "A3": "nowhere.csv"}
     study["files"] = {name: recording | {"file": file} for name, file in names.items()}
     config = ci | {"run": [*ci["run"], "recordings"]}
     config["studies"]["recordings"] = study
-    (repository / "config/reduced.yaml").write_text(yaml.safe_dump(config, sort_keys=False), encoding="utf-8")
+    (repository / "config/reduced.yaml").write_text(
+        yaml.safe_dump(config, sort_keys=False), encoding="utf-8"
+    )
 
     def run(*arguments, overlay=None, **options):
-        (repository / "config/overlay.yaml").write_text(yaml.safe_dump(overlay or {}), encoding="utf-8")
+        (repository / "config/overlay.yaml").write_text(
+            yaml.safe_dump(overlay or {}), encoding="utf-8"
+        )
         files = ("config/reduced.yaml", *(["config/overlay.yaml"] if overlay else []))
         variables = {"ANKLELOOP_RECORDINGS": str(laboratory)}
         return snakemake(repository, *arguments, "--configfile", *files, **options, **variables)

@@ -11,7 +11,11 @@ from ankleloop.trials.trial_files import save_trials
 def write_trials(path, study, seed, conditions, precision="double"):
     """Trial file of some conditions."""
     trials = simulate_trials(study, seed, conditions)
-    index = [(name, number) for name, part in conditions.items() for number in range(part["first"], part["stop"])]
+    index = [
+        (name, number)
+        for name, part in conditions.items()
+        for number in range(part["first"], part["stop"])
+    ]
     save_trials((trial for _, _, trial in trials), path, index, precision, overwrite=True)
 
 
@@ -26,9 +30,13 @@ def run_jobs(study, folder):
     for chunk, parts in enumerate(study.chunks):
         arguments = study.identification(chunk)
         if settings.keep == "everything":
-            trials = read_trials(trial_files[study.trial_chunk_numbers[chunk]], arguments["conditions"])
+            trials = read_trials(
+                trial_files[study.trial_chunk_numbers[chunk]], arguments["conditions"]
+            )
         else:
-            trials = simulate_trials(study.name, precision=settings.precision, **study.simulation(parts))
+            trials = simulate_trials(
+                study.name, precision=settings.precision, **study.simulation(parts)
+            )
         files = {"scores": folder / f"scores-{chunk}.parquet"}
         if settings.keep != "scores":
             files["estimates"] = folder / f"estimates-{chunk}.parquet"

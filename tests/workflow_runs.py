@@ -35,7 +35,9 @@ DATED = {".snakemake_timestamp", "index.html", "ro-crate-metadata.json"}
 
 def environment(repository, **variables):
     """Variables of Snakemake with the library of a copy of the repository."""
-    inherited = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
+    inherited = {
+        name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"
+    }
     modules = os.pathsep.join(filter(None, [str(repository / "src"), inherited.get("PYTHONPATH")]))
     path = f"{PROGRAM.parent}{os.pathsep}{inherited['PATH']}"
     return {**inherited, "PYTHONPATH": modules, "PATH": path, **variables}
@@ -71,7 +73,11 @@ class Run:
 
     def kill(self, *, jobs):
         """End Snakemake by SIGKILL, with all of its jobs or without them, which then go on as orphans."""
-        children = psutil.Process(self.process.pid).children(recursive=True) if self.process.poll() is None else []
+        children = (
+            psutil.Process(self.process.pid).children(recursive=True)
+            if self.process.poll() is None
+            else []
+        )
         self.process.send_signal(signal.SIGKILL)
         self.process.wait()
         for child in children if jobs else []:
@@ -85,8 +91,12 @@ class Run:
         """Wait until a condition holds while the run goes on."""
         end = time.monotonic() + timeout
         while not condition():
-            assert self.process.poll() is None, f"the run ended before the condition held:\n{self.text}"
-            assert time.monotonic() < end, f"the condition did not hold within {timeout} s:\n{self.text}"
+            assert self.process.poll() is None, (
+                f"the run ended before the condition held:\n{self.text}"
+            )
+            assert time.monotonic() < end, (
+                f"the condition did not hold within {timeout} s:\n{self.text}"
+            )
             time.sleep(0.02)
 
 

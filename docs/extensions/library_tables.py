@@ -27,7 +27,14 @@ def options_rows(options, *, yaml=False):
         unit = "" if options.unit(name) == "1" else options.unit(name)
         bounds = _bounds(options.limits(name))
         rows.append(
-            (field.alias or name if yaml else name, meaning, default, unit, bounds, type_name(field.annotation))
+            (
+                field.alias or name if yaml else name,
+                meaning,
+                default,
+                unit,
+                bounds,
+                type_name(field.annotation),
+            )
         )
     return rows
 
@@ -46,7 +53,10 @@ def _bounds(limits):
 
 def quantity_rows():
     """Key, name, symbol and unit of each quantity."""
-    return [(key, item.name, item.symbol, "" if item.unit == "1" else item.unit) for key, item in QUANTITIES.items()]
+    return [
+        (key, item.name, item.symbol, "" if item.unit == "1" else item.unit)
+        for key, item in QUANTITIES.items()
+    ]
 
 
 class OptionsTable(SphinxDirective):
@@ -88,7 +98,10 @@ class CommandHelp(SphinxDirective):
 
 def command_help(verbs):
     """The help of the command `ankleloop`, or of one of its verbs, without colours."""
-    command, context = commands, commands.make_context("ankleloop", ["--version"], resilient_parsing=True)
+    command, context = (
+        commands,
+        commands.make_context("ankleloop", ["--version"], resilient_parsing=True),
+    )
     for verb in verbs:
         command = commands.get_command(context, verb)
         if command is None:
@@ -138,7 +151,11 @@ def resolve_name(app, env, node, content):
     domain, target = env.domains["py"], node["reftarget"].removesuffix("()")
     for name in (target, f"ankleloop.{target}", f"ankleloop.{target.rpartition('.')[2]}"):
         if name.startswith("ankleloop.") and name in domain.objects:
-            if name != target and target.startswith("ankleloop.") and not _same_object(name, target):
+            if (
+                name != target
+                and target.startswith("ankleloop.")
+                and not _same_object(name, target)
+            ):
                 continue
             entry = domain.objects[name]
             return nodes.reference(
@@ -146,7 +163,9 @@ def resolve_name(app, env, node, content):
                 "",
                 content,
                 internal=True,
-                refuri=app.builder.get_relative_uri(node["refdoc"], entry.docname) + "#" + entry.node_id,
+                refuri=app.builder.get_relative_uri(node["refdoc"], entry.docname)
+                + "#"
+                + entry.node_id,
             )
     return content
 

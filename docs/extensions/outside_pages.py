@@ -28,7 +28,11 @@ def rewrite_links(text, origin, page, docs, pages):
         return f"{match[1]}{os.path.relpath(target, page.parent)}{match[3] or ''}"
 
     parts = FENCE.split(text)  # every third one is code, the one behind it its fence
-    return "".join(part if k % 3 == 1 else LINK.sub(rewrite, part) for k, part in enumerate(parts) if k % 3 != 2)
+    return "".join(
+        part if k % 3 == 1 else LINK.sub(rewrite, part)
+        for k, part in enumerate(parts)
+        if k % 3 != 2
+    )
 
 
 def read_page(app, name, source):

@@ -53,7 +53,9 @@ class _KernelCache(FunctionCache):
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         locator = self._impl.locator
-        self._cache_file = _KernelFiles(locator.get_cache_path(), self._impl.filename_base, locator.get_source_stamp())
+        self._cache_file = _KernelFiles(
+            locator.get_cache_path(), self._impl.filename_base, locator.get_source_stamp()
+        )
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Compiled code of a signature; None where there is none that can be read."""
@@ -82,7 +84,9 @@ class _KernelFiles(IndexDataCacheFile):
     def save(self, key: Any, data: Any) -> None:
         """Write the code, and then the index that names it."""
         content = repr((self._version, self._source_stamp, key))
-        name = self._data_name_pattern.format(number=int(hashlib.sha256(content.encode()).hexdigest()[:15], 16))
+        name = self._data_name_pattern.format(
+            number=int(hashlib.sha256(content.encode()).hexdigest()[:15], 16)
+        )
         self._save_data(name, data)
         try:
             names = self._load_index()

@@ -27,11 +27,34 @@ from ankleloop.errors import DataError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-KINDS = {"int": "a whole number", "float": "a finite number", "bool": "true or false", "string": "text", "str": "text"}
-KINDS |= {"list": "a list in brackets", "dict": "a mapping of keys to values", "model": "a mapping of keys to values"}
-BOUNDS = {"greater_than_equal": "ge", "less_than_equal": "le", "greater_than": "gt", "less_than": "lt"}
+KINDS = {
+    "int": "a whole number",
+    "float": "a finite number",
+    "bool": "true or false",
+    "string": "text",
+    "str": "text",
+}
+KINDS |= {
+    "list": "a list in brackets",
+    "dict": "a mapping of keys to values",
+    "model": "a mapping of keys to values",
+}
+BOUNDS = {
+    "greater_than_equal": "ge",
+    "less_than_equal": "le",
+    "greater_than": "gt",
+    "less_than": "lt",
+}
 IS_WITHIN = {"ge": operator.ge, "le": operator.le, "gt": operator.gt, "lt": operator.lt}
-PLAIN = (str, bool, int, NoneType, dict, list, tuple)  # types that need no conversion; floats may be whole numbers
+PLAIN = (
+    str,
+    bool,
+    int,
+    NoneType,
+    dict,
+    list,
+    tuple,
+)  # types that need no conversion; floats may be whole numbers
 LARGEST_MEMORY = 64 * 2**30  # bytes, of a machine that does not state its memory
 
 _SHORT = reprlib.Repr()
@@ -89,7 +112,9 @@ class Options(BaseModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        cls.integers = frozenset(name for name, field in cls.model_fields.items() if int in _types(field.annotation))
+        cls.integers = frozenset(
+            name for name, field in cls.model_fields.items() if int in _types(field.annotation)
+        )
         cls.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n\n{cls.numpydoc()}"
 
     @model_validator(mode="before")
@@ -104,7 +129,11 @@ class Options(BaseModel):
             if type(value) in PLAIN or (type(value) is float and name not in integers):
                 continue
             value = as_plain(value)
-            plain[name] = int(value) if name in integers and type(value) is float and value.is_integer() else value
+            plain[name] = (
+                int(value)
+                if name in integers and type(value) is float and value.is_integer()
+                else value
+            )
         return plain
 
     @classmethod
@@ -170,7 +199,11 @@ class Options(BaseModel):
     @classmethod
     def defaults(cls) -> dict[str, Any]:
         """Default of every option that has one, by name."""
-        return {name: field.get_default() for name, field in cls.model_fields.items() if not field.is_required()}
+        return {
+            name: field.get_default()
+            for name, field in cls.model_fields.items()
+            if not field.is_required()
+        }
 
     @classmethod
     def unit(cls, name: str) -> str:
@@ -183,7 +216,12 @@ class Options(BaseModel):
         """Bounds of a field by the names that `option` has for them; none for an unknown field."""
         field = cls.model_fields.get(name)
         metadata = field.metadata if field else ()
-        return {key: getattr(item, key) for item in metadata for key in BOUNDS.values() if hasattr(item, key)}
+        return {
+            key: getattr(item, key)
+            for item in metadata
+            for key in BOUNDS.values()
+            if hasattr(item, key)
+        }
 
     @classmethod
     def numpydoc(cls) -> str:
@@ -192,7 +230,10 @@ class Options(BaseModel):
         for name, field in cls.model_fields.items():
             default = "required" if field.is_required() else f"default {field.get_default()!r}"
             unit = "" if _unit(field) == "1" else f" [{_unit(field)}]"
-            lines += [f"{name} : {type_name(field.annotation)}, {default}", f"    {_python_text(field)}{unit}."]
+            lines += [
+                f"{name} : {type_name(field.annotation)}, {default}",
+                f"    {_python_text(field)}{unit}.",
+            ]
         return "\n".join(lines) + "\n"
 
 
@@ -216,9 +257,18 @@ def show_fields(options: type[Options]) -> Callable[[Function], Function]:
 
     def decorate(function: Function) -> Function:
         signature = inspect.signature(function)
-        explicit = {name: item for name, item in signature.parameters.items() if item.kind is not item.VAR_KEYWORD}
+        explicit = {
+            name: item
+            for name, item in signature.parameters.items()
+            if item.kind is not item.VAR_KEYWORD
+        }
         fields = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.annotation)
+            inspect.Parameter(
+                name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=field.default,
+                annotation=field.annotation,
+            )
             for name, field in options.model_fields.items()
             if name not in explicit
         ]
@@ -240,7 +290,9 @@ def type_name(annotation: Any) -> str:
     return getattr(annotation, "__name__", str(annotation))
 
 
-def describe_error(error: Mapping[str, Any], unit: str = "1", limits: Mapping[str, float] | None = None) -> str:
+def describe_error(
+    error: Mapping[str, Any], unit: str = "1", limits: Mapping[str, float] | None = None
+) -> str:
     """What is wrong with a value, as a predicate: "must be between 1 and 20, got 0"."""
     kind, context = error["type"], error.get("ctx", {})
     value, bounds = show_value(error["input"]), dict(limits or {})
@@ -275,7 +327,9 @@ def describe_limits(unit: str = "1", **limits: float) -> str:
         words = f"between {_show_limit(limits['ge'])} and {_show_limit(limits['le'])}"
     else:
         forms = {"ge": "at least", "gt": "above", "le": "at most", "lt": "below"}
-        words = " and ".join(f"{form} {_show_limit(limits[key])}" for key, form in forms.items() if key in limits)
+        words = " and ".join(
+            f"{form} {_show_limit(limits[key])}" for key, form in forms.items() if key in limits
+        )
     return words and words + ("" if unit == "1" else f" {unit}")
 
 
@@ -285,7 +339,11 @@ def _show_limit(limit: float) -> str:
 
 def as_plain(value: Any) -> Any:
     """A scalar of numpy as the number, flag or text of Python that it is; anything else unchanged."""
-    if type(value).__module__ == "numpy" and hasattr(value, "item") and getattr(value, "ndim", None) == 0:
+    if (
+        type(value).__module__ == "numpy"
+        and hasattr(value, "item")
+        and getattr(value, "ndim", None) == 0
+    ):
         return value.item()
     return value
 
@@ -293,7 +351,11 @@ def as_plain(value: Any) -> Any:
 def check_number(owner: str, name: str, value: Any, unit: str = "1", **limits: float) -> float:
     """Check that an argument is a finite number within its limits."""
     number = as_plain(value)
-    fault = "" if type(number) in (int, float) and abs(number) <= sys.float_info.max else "a finite number"
+    fault = (
+        ""
+        if type(number) in (int, float) and abs(number) <= sys.float_info.max
+        else "a finite number"
+    )
     return float(_check_limits(owner, name, number, fault, unit, limits))
 
 
@@ -301,12 +363,18 @@ def check_integer(owner: str, name: str, value: Any, unit: str = "1", **limits: 
     """Check that an argument is a whole number within its limits, as `check_number` does."""
     number = as_plain(value)
     is_whole = type(number) is int or (type(number) is float and number.is_integer())
-    return int(_check_limits(owner, name, number, "" if is_whole else "a whole number", unit, limits))
+    return int(
+        _check_limits(owner, name, number, "" if is_whole else "a whole number", unit, limits)
+    )
 
 
-def _check_limits(owner: str, name: str, value: Any, fault: str, unit: str, limits: dict[str, float]) -> Any:
+def _check_limits(
+    owner: str, name: str, value: Any, fault: str, unit: str, limits: dict[str, float]
+) -> Any:
     if fault or not all(IS_WITHIN[bound](value, limit) for bound, limit in limits.items()):
-        raise ValueError(f"{owner}: {name} must be {describe_kind(fault, unit, limits)}, got {show_value(value)}.")
+        raise ValueError(
+            f"{owner}: {name} must be {describe_kind(fault, unit, limits)}, got {show_value(value)}."
+        )
     return value
 
 
@@ -351,7 +419,9 @@ def check_memory(owner: str, size: float, remedy: str) -> None:
     limit = _find_memory()
     if size > limit:
         needed, there = (f"{round(value / 1e9, 2):,g} GB" for value in (size, limit))
-        raise ValueError(f"{owner}: this would need {needed} of memory, and the machine has {there}: {remedy}.")
+        raise ValueError(
+            f"{owner}: this would need {needed} of memory, and the machine has {there}: {remedy}."
+        )
 
 
 @cache

@@ -64,10 +64,14 @@ class BadInput:
 
 def read_files(folder: Path) -> dict[Path, bytes | None]:
     """Contents of all files below a folder, None for those of a folder."""
-    return {path: path.read_bytes() if path.is_file() else None for path in sorted(folder.rglob("*"))}
+    return {
+        path: path.read_bytes() if path.is_file() else None for path in sorted(folder.rglob("*"))
+    }
 
 
-def rows_of(usual: Callable[[Any], Any], error: type[BaseException] | None = DataError) -> Callable[..., BadInput]:
+def rows_of(
+    usual: Callable[[Any], Any], error: type[BaseException] | None = DataError
+) -> Callable[..., BadInput]:
     """A function that makes rows of one call: row(wrong, make, *says), and what differs from that by name."""
 
     def row(

@@ -7,7 +7,17 @@ from pathlib import Path
 
 from ankleloop.command_line.main import main
 from bad_inputs.bad_input import BadInput
-from bad_inputs.inputs import POSITION, SIGNALS, TORQUE, csv_file, csv_text, cut_off, mat_file, missing, text_file
+from bad_inputs.inputs import (
+    POSITION,
+    SIGNALS,
+    TORQUE,
+    csv_file,
+    csv_text,
+    cut_off,
+    mat_file,
+    missing,
+    text_file,
+)
 
 DATA, USAGE = 1, 2
 DEGREES = {"time": SIGNALS["time"], "angle_deg": POSITION, "torque": TORQUE}
@@ -34,8 +44,21 @@ def identified(folder: Path) -> Path:
 
 
 ROWS = [
-    row("two positions", csv_file(ankle_angle=POSITION), "check", USAGE, "2 variables may be the", "--position NAME"),
-    row("no such variable", csv_file(), "check --torque moment", DATA, "'moment'; the file has: time, position"),
+    row(
+        "two positions",
+        csv_file(ankle_angle=POSITION),
+        "check",
+        USAGE,
+        "2 variables may be the",
+        "--position NAME",
+    ),
+    row(
+        "no such variable",
+        csv_file(),
+        "check --torque moment",
+        DATA,
+        "'moment'; the file has: time, position",
+    ),
     row(
         "degrees that are said to be radians",
         text_file("a.csv", csv_text(DEGREES)),
@@ -55,5 +78,11 @@ ROWS = [
         "next: ankleloop identify",
         "--overwrite",
     ),
-    row("an unknown setting", missing("a.yaml"), "study --sweep reflexgain", USAGE, "no setting 'reflexgain'"),
+    row(
+        "an unknown setting",
+        missing("a.yaml"),
+        "study --sweep reflexgain",
+        USAGE,
+        "no setting 'reflexgain'",
+    ),
 ]

@@ -18,7 +18,9 @@ def netcdf_file(position=POSITION, **variables):
     def make(folder: Path) -> Path:
         data = xr.Dataset({"position": ("t", position), "torque": ("t", TORQUE), **variables})
         data.attrs["sampling_rate"] = RATE
-        data.to_netcdf(folder / "a.nc", engine="h5netcdf", encoding={"position": {"_FillValue": -1e9}})
+        data.to_netcdf(
+            folder / "a.nc", engine="h5netcdf", encoding={"position": {"_FillValue": -1e9}}
+        )
         return folder / "a.nc"
 
     return make
@@ -45,19 +47,79 @@ record = rows_of(read_record)
 in_degrees = partial(read_trial, position_unit="deg")
 
 ROWS = [
-    row("mat: cut off", cut_off(mat_file()), "a.mat", "ends within a variable", "check that the file is whole"),
-    row("mat: a cell array", mat_file(position=CELLS), "a.mat: position is not a number at sample 1"),
-    row("mat: two channels", mat_file(position=np.zeros((300, 2))), "position has shape (300, 2)", "a single channel"),
-    row("mat: two lengths", mat_file(torque=TORQUE[1:]), "torque has 299 samples but position has 300", "cut all"),
-    row("mat: two rates", mat_file(sample_rate=1000.0), "stated as 1000 Hz, but sample_rate and fs runs at 500 Hz"),
-    row("hdf5: cut off", cut_off(hdf5_file()), "a.h5: not a readable .h5 file", "check that the file is whole"),
+    row(
+        "mat: cut off",
+        cut_off(mat_file()),
+        "a.mat",
+        "ends within a variable",
+        "check that the file is whole",
+    ),
+    row(
+        "mat: a cell array", mat_file(position=CELLS), "a.mat: position is not a number at sample 1"
+    ),
+    row(
+        "mat: two channels",
+        mat_file(position=np.zeros((300, 2))),
+        "position has shape (300, 2)",
+        "a single channel",
+    ),
+    row(
+        "mat: two lengths",
+        mat_file(torque=TORQUE[1:]),
+        "torque has 299 samples but position has 300",
+        "cut all",
+    ),
+    row(
+        "mat: two rates",
+        mat_file(sample_rate=1000.0),
+        "stated as 1000 Hz, but sample_rate and fs runs at 500 Hz",
+    ),
+    row(
+        "hdf5: cut off",
+        cut_off(hdf5_file()),
+        "a.h5: not a readable .h5 file",
+        "check that the file is whole",
+    ),
     row("hdf5: a group", group_file, "a.h5: there is no variable 'position'", "position/samples"),
-    row("hdf5: degrees", hdf5_file("deg", position=57 * POSITION), "position is in 'deg'", "pass position_unit='deg'"),
-    row("hdf5: position in V", hdf5_file("V"), "a.h5: position is in 'V'", "convert it to rad or deg"),
-    row("hdf5: radians read as degrees", hdf5_file(), "position is in 'rad'", "position_unit='rad'", call=in_degrees),
-    row("hdf5: two rates", hdf5_file(fs=np.array([500.0, 500.0])), "a.h5: there is no sampling rate"),
-    row("netcdf: no value", netcdf_file(changed(POSITION, 4, np.nan)), "a.nc: position is not finite at sample 4"),
-    row("netcdf: times in hours", netcdf_file(time=HOURS), "a.nc: time is in", "write it in seconds, ms or µs"),
-    record("long: nan", hdf5_file(torque=changed(TORQUE, 250, np.nan)), "torque is not finite at sample 250"),
-    record("long: a gap", hdf5_file(time=TIME + (TIME > 0.3)), "a.h5: time is irregular at sample 151"),
+    row(
+        "hdf5: degrees",
+        hdf5_file("deg", position=57 * POSITION),
+        "position is in 'deg'",
+        "pass position_unit='deg'",
+    ),
+    row(
+        "hdf5: position in V",
+        hdf5_file("V"),
+        "a.h5: position is in 'V'",
+        "convert it to rad or deg",
+    ),
+    row(
+        "hdf5: radians read as degrees",
+        hdf5_file(),
+        "position is in 'rad'",
+        "position_unit='rad'",
+        call=in_degrees,
+    ),
+    row(
+        "hdf5: two rates", hdf5_file(fs=np.array([500.0, 500.0])), "a.h5: there is no sampling rate"
+    ),
+    row(
+        "netcdf: no value",
+        netcdf_file(changed(POSITION, 4, np.nan)),
+        "a.nc: position is not finite at sample 4",
+    ),
+    row(
+        "netcdf: times in hours",
+        netcdf_file(time=HOURS),
+        "a.nc: time is in",
+        "write it in seconds, ms or µs",
+    ),
+    record(
+        "long: nan",
+        hdf5_file(torque=changed(TORQUE, 250, np.nan)),
+        "torque is not finite at sample 250",
+    ),
+    record(
+        "long: a gap", hdf5_file(time=TIME + (TIME > 0.3)), "a.h5: time is irregular at sample 151"
+    ),
 ]

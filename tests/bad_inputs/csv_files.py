@@ -6,9 +6,21 @@ import numpy as np
 
 from ankleloop import read_trial
 from bad_inputs.bad_input import rows_of
-from bad_inputs.inputs import POSITION, SIGNALS, TIME, TORQUE, changed, csv_file, csv_text, cut_off, text_file
+from bad_inputs.inputs import (
+    POSITION,
+    SIGNALS,
+    TIME,
+    TORQUE,
+    changed,
+    csv_file,
+    csv_text,
+    cut_off,
+    text_file,
+)
 
-COMMAS = {name: [f"{value:.4f}".replace(".", ",") for value in signal] for name, signal in SIGNALS.items()}
+COMMAS = {
+    name: [f"{value:.4f}".replace(".", ",") for value in signal] for name, signal in SIGNALS.items()
+}
 NO_TIMES = {"position": POSITION, "torque": TORQUE}
 GAP = "cut the trial there or resample it"
 
@@ -35,21 +47,104 @@ angle = partial(read_trial, position="angle")
 read_at_1_khz = partial(read_trial, sampling_rate=1000.0)
 
 ROWS = [
-    row("unknown suffix", text_file("a.txt", "1"), "a.txt: unknown kind of file", "convert it", ".mat"),
+    row(
+        "unknown suffix",
+        text_file("a.txt", "1"),
+        "a.txt: unknown kind of file",
+        "convert it",
+        ".mat",
+    ),
     row("the file is empty", table(""), "a.csv", "check that the file is whole"),
-    row("the compressed file is cut off", cut_off(csv_file("a.csv.gz")), "a.csv.gz", "check that the file is whole"),
-    row("the last line is cut off", cut_off(csv_file()), "the last line", "the file is cut off", "copy it again"),
-    row("decimal commas", table(csv_text(COMMAS)), "a.csv: line 2 has 6 cells and the header 3", "decimal points"),
-    row("semicolons", table(csv_text().replace(",", ";")), "a.csv: there is no variable 'position'", "Name one"),
-    row("a column twice", headed("time,position,position"), "2 columns are called 'position'", call=torque_at),
-    row("no such column", csv_file(), "no variable 'angle'", "time, position, torque", "Name one of these", call=angle),
-    row("text in a cell", with_line("0.02,n/v,1"), "a.csv: position", "line 12", "'n/v'", "correct the file"),
-    row("an empty cell", with_line("0.02,,1"), "a.csv: position is not finite at sample 10 (0.02 s)", "cut the trial"),
-    row("no rate and no times", table(csv_text(NO_TIMES)), "there is no sampling rate", "pass sampling_rate in Hz"),
-    row("a gap in time", csv_file(time=TIME + 0.1 * (TIME[99] < TIME)), "irregular at sample 100 (0.3 s)", GAP),
-    row("a sample twice", csv_file(time=changed(TIME, 50, TIME[49])), "a.csv: time is irregular at sample 50", GAP),
-    row("a wrong rate", csv_file(), "stated as 1000 Hz, but time runs at 500 Hz", call=read_at_1_khz),
-    row("degrees", csv_file(position=570 * POSITION), "a.csv: position moves at", "pass position_unit='deg'"),
-    row("a spike in the position", csv_file(position=changed(POSITION, 60, 3.0)), "a.csv: position moves", "a spike"),
-    row("a constant torque", csv_file(torque=np.ones(300)), "torque is constant (1 at all 300", "check the channel"),
+    row(
+        "the compressed file is cut off",
+        cut_off(csv_file("a.csv.gz")),
+        "a.csv.gz",
+        "check that the file is whole",
+    ),
+    row(
+        "the last line is cut off",
+        cut_off(csv_file()),
+        "the last line",
+        "the file is cut off",
+        "copy it again",
+    ),
+    row(
+        "decimal commas",
+        table(csv_text(COMMAS)),
+        "a.csv: line 2 has 6 cells and the header 3",
+        "decimal points",
+    ),
+    row(
+        "semicolons",
+        table(csv_text().replace(",", ";")),
+        "a.csv: there is no variable 'position'",
+        "Name one",
+    ),
+    row(
+        "a column twice",
+        headed("time,position,position"),
+        "2 columns are called 'position'",
+        call=torque_at,
+    ),
+    row(
+        "no such column",
+        csv_file(),
+        "no variable 'angle'",
+        "time, position, torque",
+        "Name one of these",
+        call=angle,
+    ),
+    row(
+        "text in a cell",
+        with_line("0.02,n/v,1"),
+        "a.csv: position",
+        "line 12",
+        "'n/v'",
+        "correct the file",
+    ),
+    row(
+        "an empty cell",
+        with_line("0.02,,1"),
+        "a.csv: position is not finite at sample 10 (0.02 s)",
+        "cut the trial",
+    ),
+    row(
+        "no rate and no times",
+        table(csv_text(NO_TIMES)),
+        "there is no sampling rate",
+        "pass sampling_rate in Hz",
+    ),
+    row(
+        "a gap in time",
+        csv_file(time=TIME + 0.1 * (TIME[99] < TIME)),
+        "irregular at sample 100 (0.3 s)",
+        GAP,
+    ),
+    row(
+        "a sample twice",
+        csv_file(time=changed(TIME, 50, TIME[49])),
+        "a.csv: time is irregular at sample 50",
+        GAP,
+    ),
+    row(
+        "a wrong rate", csv_file(), "stated as 1000 Hz, but time runs at 500 Hz", call=read_at_1_khz
+    ),
+    row(
+        "degrees",
+        csv_file(position=570 * POSITION),
+        "a.csv: position moves at",
+        "pass position_unit='deg'",
+    ),
+    row(
+        "a spike in the position",
+        csv_file(position=changed(POSITION, 60, 3.0)),
+        "a.csv: position moves",
+        "a spike",
+    ),
+    row(
+        "a constant torque",
+        csv_file(torque=np.ones(300)),
+        "torque is constant (1 at all 300",
+        "check the channel",
+    ),
 ]

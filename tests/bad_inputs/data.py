@@ -88,24 +88,60 @@ TURNED = record(lambda x: {"torque": -x["torque"]})
 EXCHANGED = record(lambda x: {"position": x["reference"], "reference": x["position"]})
 # The reference is the torque through the low-pass of an amplifier, in other units.
 FILTER = 0.005 * decimation_taps(50, 0)[0]
-FILTERED = record(lambda x: {"reference": np.convolve(x["torque"] - np.mean(x["torque"]), FILTER, "same")})
+FILTERED = record(
+    lambda x: {"reference": np.convolve(x["torque"] - np.mean(x["torque"]), FILTER, "same")}
+)
 
 identified = rows_of(warnings_or_refusal, error=None)
 checked = rows_of(lambda trial: check_trial(trial).reasons, error=None)
-made = rows_of(lambda folder: record(lambda x: {"position": x["torque"], "torque": x["position"]})(folder))
+made = rows_of(
+    lambda folder: record(lambda x: {"position": x["torque"], "torque": x["position"]})(folder)
+)
 
 ROWS = [
     made("position and torque swapped", None, "position moves at"),
     identified("torque of the wrong sign", TURNED, "sign"),
-    identified("position of the wrong sign", record(lambda x: {"position": -x["position"]}), "sign"),
-    identified("clipped torque", record(lambda x: {"torque": clip(x["torque"])}), "range of the torque"),
-    identified("a dead torque", record(lambda x: {"torque": stop(x["torque"])}), "keep one value", "segment"),
-    identified("a spike in the torque", record(lambda x: {"torque": add_spike(x["torque"])}), "torque", "15000"),
-    identified("the torque of another trial", record(lambda x: {"torque": other("torque")}), "torque"),
-    identified("the reference of another trial", record(lambda x: {"reference": other("reference")}), "reference"),
-    identified("position and reference exchanged", EXCHANGED, "the position is ahead of reference", "exchanged"),
-    identified("a filter of the torque", FILTERED, "reference is a filter of the torque", "command of the servo"),
-    identified("one of two turned round", good_and_turned, "trial 2 of 2", "sign", call=warnings_of_merged),
+    identified(
+        "position of the wrong sign", record(lambda x: {"position": -x["position"]}), "sign"
+    ),
+    identified(
+        "clipped torque", record(lambda x: {"torque": clip(x["torque"])}), "range of the torque"
+    ),
+    identified(
+        "a dead torque",
+        record(lambda x: {"torque": stop(x["torque"])}),
+        "keep one value",
+        "segment",
+    ),
+    identified(
+        "a spike in the torque",
+        record(lambda x: {"torque": add_spike(x["torque"])}),
+        "torque",
+        "15000",
+    ),
+    identified(
+        "the torque of another trial", record(lambda x: {"torque": other("torque")}), "torque"
+    ),
+    identified(
+        "the reference of another trial",
+        record(lambda x: {"reference": other("reference")}),
+        "reference",
+    ),
+    identified(
+        "position and reference exchanged",
+        EXCHANGED,
+        "the position is ahead of reference",
+        "exchanged",
+    ),
+    identified(
+        "a filter of the torque",
+        FILTERED,
+        "reference is a filter of the torque",
+        "command of the servo",
+    ),
+    identified(
+        "one of two turned round", good_and_turned, "trial 2 of 2", "sign", call=warnings_of_merged
+    ),
     checked("a torque that drifts", record(lambda x: {"torque": drift(x["torque"])}), "drift"),
     checked("a sine in place of a perturbation", sines, "excit"),
 ]

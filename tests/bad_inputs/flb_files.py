@@ -32,7 +32,12 @@ def flb_case(version=4, kind=4, names=("POS", "TQ"), comment="", scale=1.0, real
     elif kind == 2:
         samples = np.round(1000 * samples)
     content = integers(version) + (b"" if version == 2 else integers(2, realizations))
-    content += integers(2, TIME.size, kind) + text("Time") + np.array([1 / RATE, 0.0], "<f4").tobytes() + text(comment)
+    content += (
+        integers(2, TIME.size, kind)
+        + text("Time")
+        + np.array([1 / RATE, 0.0], "<f4").tobytes()
+        + text(comment)
+    )
     content += b"".join(map(text, names)) + LOW.tobytes() + HIGH.tobytes()
     return content + samples.astype(TYPES[kind]).tobytes()
 
@@ -45,7 +50,25 @@ read_case_3 = partial(read_trial, case=3)
 
 ROWS = [
     row("several cases, and none is named", text_file("a.flb", 2 * WHOLE), CASES),
-    row("no such case", text_file("a.flb", 2 * WHOLE), "a.flb: there is no case 3", "has 2", call=read_case_3),
-    row("the samples are cut off", text_file("a.flb", WHOLE[:-1]), "a.flb", "(case 1 is cut off)", "file is whole"),
-    row("another kind of file", text_file("a.flb", flb_case(version=1)), "a.flb", "version 1", "its suffix right"),
+    row(
+        "no such case",
+        text_file("a.flb", 2 * WHOLE),
+        "a.flb: there is no case 3",
+        "has 2",
+        call=read_case_3,
+    ),
+    row(
+        "the samples are cut off",
+        text_file("a.flb", WHOLE[:-1]),
+        "a.flb",
+        "(case 1 is cut off)",
+        "file is whole",
+    ),
+    row(
+        "another kind of file",
+        text_file("a.flb", flb_case(version=1)),
+        "a.flb",
+        "version 1",
+        "its suffix right",
+    ),
 ]

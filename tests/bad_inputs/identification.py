@@ -4,7 +4,16 @@ from functools import partial
 
 import numpy as np
 
-from ankleloop import UnstableLoopError, block_bootstrap, check_trial, evaluate, identify, segment, simulate, subspace
+from ankleloop import (
+    UnstableLoopError,
+    block_bootstrap,
+    check_trial,
+    evaluate,
+    identify,
+    segment,
+    simulate,
+    subspace,
+)
 from ankleloop.methods.selection import select_options
 from bad_inputs.bad_input import BadInput, rows_of
 from bad_inputs.inputs import fitted_estimate, good_trial, simulated_trial
@@ -45,7 +54,9 @@ def of_cycles(wrong: str, onsets, *says: str, **settings) -> BadInput:
 
 def moesp(signals) -> None:
     """Identify one input and one output."""
-    subspace.moesp(**{"u": NOISE, "y": np.cumsum(NOISE, axis=0), "block_rows": 8, "order": 1, **signals})
+    subspace.moesp(
+        **{"u": NOISE, "y": np.cumsum(NOISE, axis=0), "block_rows": 8, "order": 1, **signals}
+    )
 
 
 row = rows_of(identify)
@@ -70,19 +81,85 @@ def predict(trial) -> None:
 
 
 ROWS = [
-    option("unknown method", "unknown method 'pr-moes' (did you mean 'pr-moesp'?); known: pr-moesp", method="pr-moes"),
-    option("order of the block rows", "must be larger than the order", method="pr-moesp", order=10, block_rows=10),
-    row("unknown option", good_trial, "'riv' has no option 'blok_rows'; it has", call=misspelt, error=TypeError),
-    row("a rate that does not divide", good_trial, "not a whole multiple", "(70 Hz)", "choose", call=at_70_hz),
-    row("no such reference", good_trial, "no variable 'command'", "Give the command of the servo", call=to_command),
-    simulated("no seed", {"seed": None}, "seed must be a whole number of at least 0 or a numpy.random.SeedSequence"),
-    simulated("an unstable loop", UNSTABLE, "unstable", "Take a heavier or more damped", error=UnstableLoopError),
-    scored("the estimate of another trial", short_segment, "the estimate covers 0.38 to 19.69 s", "score it"),
-    row("blocks too long", good_trial, "less than ten blocks of 50 s", "take shorter", call=in_blocks_of_50_s),
+    option(
+        "unknown method",
+        "unknown method 'pr-moes' (did you mean 'pr-moesp'?); known: pr-moesp",
+        method="pr-moes",
+    ),
+    option(
+        "order of the block rows",
+        "must be larger than the order",
+        method="pr-moesp",
+        order=10,
+        block_rows=10,
+    ),
+    row(
+        "unknown option",
+        good_trial,
+        "'riv' has no option 'blok_rows'; it has",
+        call=misspelt,
+        error=TypeError,
+    ),
+    row(
+        "a rate that does not divide",
+        good_trial,
+        "not a whole multiple",
+        "(70 Hz)",
+        "choose",
+        call=at_70_hz,
+    ),
+    row(
+        "no such reference",
+        good_trial,
+        "no variable 'command'",
+        "Give the command of the servo",
+        call=to_command,
+    ),
+    simulated(
+        "no seed",
+        {"seed": None},
+        "seed must be a whole number of at least 0 or a numpy.random.SeedSequence",
+    ),
+    simulated(
+        "an unstable loop",
+        UNSTABLE,
+        "unstable",
+        "Take a heavier or more damped",
+        error=UnstableLoopError,
+    ),
+    scored(
+        "the estimate of another trial",
+        short_segment,
+        "the estimate covers 0.38 to 19.69 s",
+        "score it",
+    ),
+    row(
+        "blocks too long",
+        good_trial,
+        "less than ten blocks of 50 s",
+        "take shorter",
+        call=in_blocks_of_50_s,
+    ),
     row("no trials", [], "there are no trials to check", call=check_trial),
-    row("a selection on 6 s", trial_of(duration=6.0), "a selection needs 8 s", "Record longer", call=select_order),
-    row("a prediction without a model", good_trial, "real-time has no fixed model to predict with", call=predict),
-    identified("two lengths", {"y": NOISE[1:]}, "400 samples of inputs, 399 of the output", "cut them to one length"),
+    row(
+        "a selection on 6 s",
+        trial_of(duration=6.0),
+        "a selection needs 8 s",
+        "Record longer",
+        call=select_order,
+    ),
+    row(
+        "a prediction without a model",
+        good_trial,
+        "real-time has no fixed model to predict with",
+        call=predict,
+    ),
+    identified(
+        "two lengths",
+        {"y": NOISE[1:]},
+        "400 samples of inputs, 399 of the output",
+        "cut them to one length",
+    ),
     identified("no reference", {"instruments": "past-reference"}, "instruments need a reference"),
     of_cycles("onsets that are not sorted", UNSORTED, "onset 5 of 15", "sort them"),
     of_cycles("onsets in milliseconds", 1000 * ONSETS, "not milliseconds or samples"),
@@ -95,5 +172,11 @@ ROWS = [
         "new pseudorandom sequence",
         perturbation_locked=True,
     ),
-    row("the measured angle as schedule", wrong_angle, "follows the perturbation", "slow part", call=scheduled),
+    row(
+        "the measured angle as schedule",
+        wrong_angle,
+        "follows the perturbation",
+        "slow part",
+        call=scheduled,
+    ),
 ]

@@ -65,7 +65,9 @@ def text_file(name: str, text: str | bytes) -> Make:
 
     def make(folder: Path) -> Path:
         content = text if isinstance(text, bytes) else text.encode()
-        (folder / name).write_bytes(gzip.compress(content, mtime=0) if name.endswith(".gz") else content)
+        (folder / name).write_bytes(
+            gzip.compress(content, mtime=0) if name.endswith(".gz") else content
+        )
         return folder / name
 
     return make
@@ -86,7 +88,9 @@ def mat_file(**changes: Any) -> Make:
     """A MATLAB file, v5, of the signals and their rate."""
 
     def make(folder: Path) -> Path:
-        scipy.io.savemat(folder / "a.mat", {"position": POSITION, "torque": TORQUE, "fs": RATE, **changes})
+        scipy.io.savemat(
+            folder / "a.mat", {"position": POSITION, "torque": TORQUE, "fs": RATE, **changes}
+        )
         return folder / "a.mat"
 
     return make
@@ -97,7 +101,12 @@ def hdf5_file(unit: str = "rad", **changes: Any) -> Make:
 
     def make(folder: Path) -> Path:
         with h5py.File(folder / "a.h5", "w") as file:
-            for key, value in {"position": POSITION, "torque": TORQUE, "fs": RATE, **changes}.items():
+            for key, value in {
+                "position": POSITION,
+                "torque": TORQUE,
+                "fs": RATE,
+                **changes,
+            }.items():
                 file[key] = value
             file["position"].attrs["units"] = unit
         return folder / "a.h5"

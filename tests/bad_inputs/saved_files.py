@@ -6,7 +6,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ankleloop import LongRecord, identify_file, load_estimate, load_trial, save_estimate, save_trial
+from ankleloop import (
+    LongRecord,
+    identify_file,
+    load_estimate,
+    load_trial,
+    save_estimate,
+    save_trial,
+)
 from ankleloop.recordings.files import export_estimate, load_recording
 from ankleloop.trials.trial_files import load_trials, save_trials
 from bad_inputs.bad_input import rows_of
@@ -40,7 +47,11 @@ def newer_file(folder: Path) -> Path:
 
 def trials_file(folder: Path) -> Path:
     """A file of the trials of a study."""
-    save_trials([short_trial(seed=k) for k in range(3)], folder / "0.nc", index=[("gain=2", k) for k in range(3)])
+    save_trials(
+        [short_trial(seed=k) for k in range(3)],
+        folder / "0.nc",
+        index=[("gain=2", k) for k in range(3)],
+    )
     return folder / "0.nc"
 
 
@@ -53,7 +64,9 @@ def record_file(folder: Path) -> Path:
 def nan_record(folder: Path) -> Path:
     """A record with nan in the torque."""
     signals = {name: simulated_trial()[name].values for name in ("position", "torque", "reference")}
-    return hdf5_file(**signals | {"torque": changed(signals["torque"], 15_000, np.nan)}, fs=1000.0)(folder)
+    return hdf5_file(**signals | {"torque": changed(signals["torque"], 15_000, np.nan)}, fs=1000.0)(
+        folder
+    )
 
 
 def flip_a_bit(content: bytes) -> bytes:
@@ -77,17 +90,56 @@ exported = rows_of(lambda path: export_estimate(fitted_estimate(), path))
 loaded = rows_of(lambda path: load_recording(path, {"file": path.name, "start": 5.0, "stop": 9.0}))
 
 ROWS = [
-    row("trial: cut off", cut_off(trial_file()), "a.nc: not a readable NetCDF-4 file", "it is damaged"),
-    row("trial: a sample has changed", spoiled(trial_file(), flip_a_bit), "a.nc", "checksum is wrong", "a copy"),
+    row(
+        "trial: cut off",
+        cut_off(trial_file()),
+        "a.nc: not a readable NetCDF-4 file",
+        "it is damaged",
+    ),
+    row(
+        "trial: a sample has changed",
+        spoiled(trial_file(), flip_a_bit),
+        "a.nc",
+        "checksum is wrong",
+        "a copy",
+    ),
     row("trial: an estimate", estimate_file, "e.nc: there is no variable position", "new_trial"),
-    trials("trials: a sample has changed", spoiled(trials_file, flip_a_bit), "0.nc", "checksum is wrong", "run again"),
+    trials(
+        "trials: a sample has changed",
+        spoiled(trials_file, flip_a_bit),
+        "0.nc",
+        "checksum is wrong",
+        "run again",
+    ),
     estimate("estimate: cut off", cut_off(estimate_file), "e.nc: not a readable", "damaged"),
     estimate("estimate: a trial", trial_file("e.nc"), "e.nc: no estimate file", "save_estimate"),
-    estimate("estimate: a newer version", newer_file, "e.nc: version 99 of the format", "install the newest"),
-    saved("a trial over another file", text_file("a.nc", "irreplaceable"), "a.nc", "exists already", "overwrite=True"),
+    estimate(
+        "estimate: a newer version",
+        newer_file,
+        "e.nc: version 99 of the format",
+        "install the newest",
+    ),
+    saved(
+        "a trial over another file",
+        text_file("a.nc", "irreplaceable"),
+        "a.nc",
+        "exists already",
+        "overwrite=True",
+    ),
     saved("a trial into no folder", missing("results/a.nc"), "there is no folder", "make it first"),
-    identified("the record as output", record_file, "a.nc: the file is being read", "another name", call=onto_itself),
+    identified(
+        "the record as output",
+        record_file,
+        "a.nc: the file is being read",
+        "another name",
+        call=onto_itself,
+    ),
     identified("nan in a long record", nan_record, "a.h5: torque is not finite at sample 15000"),
     exported("an export with an unknown suffix", missing("e.txt"), "e.txt", ".mat"),
-    loaded("a part without samples", mat_file(), "a.mat: the segment from 5 to 9 s has no samples", "0 to 0.598 s"),
+    loaded(
+        "a part without samples",
+        mat_file(),
+        "a.mat: the segment from 5 to 9 s has no samples",
+        "0 to 0.598 s",
+    ),
 ]

@@ -15,8 +15,12 @@ WIDTHS = {"desktop": 1280, "phone": 390}
 def browser():
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
-        pytest.skip(f"there is no browser to look at pages with: install one of {', '.join(BROWSERS)}.")
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright, which drives the browser, is missing.")
+        pytest.skip(
+            f"there is no browser to look at pages with: install one of {', '.join(BROWSERS)}."
+        )
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="playwright, which drives the browser, is missing."
+    )
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
         yield browser
@@ -51,7 +55,10 @@ def new_visit(browser):
         visited = Visit(contexts[width].new_page())
         page = visited.page
         page.on("pageerror", lambda error: visited.errors.append(str(error)))
-        page.on("console", lambda text: text.type in ("error", "warning") and visited.errors.append(text.text))
+        page.on(
+            "console",
+            lambda text: text.type in ("error", "warning") and visited.errors.append(text.text),
+        )
         page.on("request", lambda request: visited.requests.append(request.url))
         yield visited
         page.close()

@@ -35,7 +35,13 @@ def pages(reproduction):
     results = reproduction / "results"
     paths = sorted(results.glob("*.html")) + sorted((results / "reports").rglob("*.html"))
     names = {path.relative_to(results).as_posix() for path in paths}
-    assert {"index.html", "article.html", "ledger.html", "tables.html", "reports/table1.html"} <= names
+    assert {
+        "index.html",
+        "article.html",
+        "ledger.html",
+        "tables.html",
+        "reports/table1.html",
+    } <= names
     return {path.relative_to(results).as_posix(): path for path in paths}
 
 
@@ -66,7 +72,11 @@ def test_every_page_is_whole(views):
 def test_no_table_is_cut_off(views):
     """All columns at the width of a desktop; a phone scrolls a table in its box, in which the first column stays."""
     allowed = {"desktop": {"whole"}, "phone": {"whole", "scrolls"}}
-    faults = {name: view["tables"] for name, view in views.items() if set(view["tables"]) - allowed[view["width"]]}
+    faults = {
+        name: view["tables"]
+        for name, view in views.items()
+        if set(view["tables"]) - allowed[view["width"]]
+    }
     assert faults == {}
     assert sum(len(view["tables"]) for view in views.values()) > 20
 
@@ -89,7 +99,11 @@ def test_every_link_leads_somewhere(views, pages):
             target = Path(unquote(parts.path)).resolve()
             # Browsers look for the name of an anchor as it stands, and then for what it means.
             names = {parts.fragment, unquote(parts.fragment)} - {""}
-            if parts.scheme != "file" or not target.exists() or (names and not names & anchors[target]):
+            if (
+                parts.scheme != "file"
+                or not target.exists()
+                or (names and not names & anchors[target])
+            ):
                 broken.append((name, url))
     assert broken == []
 
@@ -123,7 +137,10 @@ def test_tables_are_sorted_by_a_click(pages, visit):
     page = visit(pages["index.html"]).page
     read = "rows => rows.map((row) => parseFloat(row.cells[7].textContent))"
     table = page.locator("table", has_text="time of its jobs [min]")
-    heading, rows = table.locator("th", has_text="time of its jobs [min]"), table.locator("tbody tr")
+    heading, rows = (
+        table.locator("th", has_text="time of its jobs [min]"),
+        table.locator("tbody tr"),
+    )
     heading.click()
     times = rows.evaluate_all(read)
     assert times == sorted(times)
@@ -157,7 +174,9 @@ def test_pages_print_without_what_is_for_the_screen(pages, visit):
 
 def test_a_script_in_a_text_does_not_run(visit, tmp_path):
     """A caption is Markdown, in which HTML stays HTML; the policy of the page stops it, and nothing is fetched."""
-    hostile = "<script>document.title = 'taken'</script><img src=x onerror=\"document.title = 'taken'\">"
+    hostile = (
+        "<script>document.title = 'taken'</script><img src=x onerror=\"document.title = 'taken'\">"
+    )
     fetched = '<img src="http://127.0.0.1:9/x.png"><iframe src="http://127.0.0.1:9/"></iframe>'
     table = '<table class="sortable"><thead><tr><th>a</th></tr></thead><tbody><tr><td>1</td></tr></tbody></table>'
     path = tmp_path / "page.html"
@@ -165,4 +184,6 @@ def test_a_script_in_a_text_does_not_run(visit, tmp_path):
     visited = visit(path)
     assert visited.page.title() == "Results · ankleloop"
     assert any("Content Security Policy" in text for text in visited.errors)
-    assert visited.page.locator("th").get_attribute("tabindex") == "0"  # the library's own script runs
+    assert (
+        visited.page.locator("th").get_attribute("tabindex") == "0"
+    )  # the library's own script runs

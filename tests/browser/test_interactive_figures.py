@@ -21,7 +21,9 @@ def path(tmp_path_factory):
     """A page with the figure of a trial of 60 s."""
     trial = ankleloop.simulate(seed=1, duration=60.0)
     estimates = {name: ankleloop.identify(trial, name) for name in METHODS}
-    html = render_interactive_torques(trial, estimates, METHOD_STYLES, {"start": 10.0, "length": 5.0})
+    html = render_interactive_torques(
+        trial, estimates, METHOD_STYLES, {"start": 10.0, "length": 5.0}
+    )
     path = tmp_path_factory.mktemp("page") / "trial.html"
     path.write_text(render_page("Trial", f"<h1>Trial</h1>{html}"), encoding="utf-8")
     return path
@@ -46,7 +48,9 @@ def test_panels_and_strip_are_drawn_and_move_together(page, path):
     assert page.locator("figure.interactive canvas").count() >= 4
     assert page.evaluate(WINDOW) == [10.0, 15.0]
     ranges = "() => new Set([...Bokeh.documents[0]._all_models.values()].filter(({ type }) => type === 'Figure')"
-    assert page.evaluate(ranges + ".map(({ x_range }) => x_range)).size") == 2  # of the panels, and of the strip
+    assert (
+        page.evaluate(ranges + ".map(({ x_range }) => x_range)).size") == 2
+    )  # of the panels, and of the strip
     box = page.locator("figure.interactive").bounding_box()
     page.mouse.move(box["x"] + 600, box["y"] + 300)
     page.mouse.down()

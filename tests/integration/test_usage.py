@@ -10,7 +10,11 @@ from workflow_runs import STUDY
 
 pytestmark = pytest.mark.workflow
 
-SETTINGS = STUDY["studies"]["study"] | {"trials": 3, "trials_per_chunk": 2, "points": {"reflex_gain": [13.0]}}
+SETTINGS = STUDY["studies"]["study"] | {
+    "trials": 3,
+    "trials_per_chunk": 2,
+    "points": {"reflex_gain": [13.0]},
+}
 TINY = {"run": ["tiny"], "studies": {"tiny": SETTINGS}}
 PLANNED = {"simulate": 2, "identify": 2, "small_table": 1, "report": 1, "figure": 2, "index": 1}
 
@@ -31,14 +35,22 @@ def tiny(tmp_path):
 def count_jobs(text):
     """Number of jobs by rule in the statistics of a dry run."""
     table = text.split("Job stats:")[-1].split("total")[0]
-    jobs = {rule: int(number) for rule, number in re.findall(r"^(\w+) +(\d+)$", table, re.MULTILINE)}
-    return {rule: number for rule, number in jobs.items() if rule not in ("all", "everything", "paper_all")}
+    jobs = {
+        rule: int(number) for rule, number in re.findall(r"^(\w+) +(\d+)$", table, re.MULTILINE)
+    }
+    return {
+        rule: number
+        for rule, number in jobs.items()
+        if rule not in ("all", "everything", "paper_all")
+    }
 
 
 @pytest.fixture(scope="module")
 def dry_run(clean, snakemake):
     """A dry run of the paper up to the ledger, with another memory for one rule, and the texts of its jobs by rule."""
-    text = snakemake(clean, "--dry-run", "--until", "verify", "--set-resources", "identify:mem_mb=3000")
+    text = snakemake(
+        clean, "--dry-run", "--until", "verify", "--set-resources", "identify:mem_mb=3000"
+    )
     blocks = re.split(r"^(?:local)?rule (\w+):$", text, flags=re.MULTILINE)
     jobs = {}
     for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
@@ -51,7 +63,10 @@ def test_until_a_rule_with_resources_of_another(dry_run):
     assert {"simulate", "identify", "verify"} <= set(jobs)
     assert {"article", "crate", "index"}.isdisjoint(jobs)
     assert jobs["simulate"] == jobs["identify"] > 10
-    memory = {rule: set(re.findall(r"mem_mb=(\d+)", "".join(blocks))) for rule, blocks in dry_run[1].items()}
+    memory = {
+        rule: set(re.findall(r"mem_mb=(\d+)", "".join(blocks)))
+        for rule, blocks in dry_run[1].items()
+    }
     assert memory["identify"] == {"3000"}
     assert memory["simulate"] == memory["verify"] == {"2000"}
 
@@ -89,7 +104,9 @@ def test_a_module_under_another_name(clean, snakemake, tiny, tmp_path):
 
 def test_other_folders_have_results_of_their_own(clean, snakemake, tiny, tmp_path):
     """That of a module, and that of --directory with either Snakefile; chunks divided otherwise change none."""
-    (tmp_path / "Snakefile").write_text(MODULE.format(repository=clean, alias="", all="all"), encoding="utf-8")
+    (tmp_path / "Snakefile").write_text(
+        MODULE.format(repository=clean, alias="", all="all"), encoding="utf-8"
+    )
     elsewhere, trials = tmp_path / "elsewhere", "results/tables/tiny-trials.csv"
     snakemake(clean, trials, *tiny, folder=tmp_path)
     assert set(pd.read_csv(tmp_path / trials)["method"]) == {"pr-moesp", "riv"}

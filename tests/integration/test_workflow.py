@@ -19,7 +19,9 @@ def plan(reproduction, reduced):
 
     def plan(**studies):
         text = reduced("--dry-run", overlay={"studies": studies})
-        blocks = re.split(r"^(?:local)?rule (\w+):$", text.split("Job stats:")[-2], flags=re.MULTILINE)
+        blocks = re.split(
+            r"^(?:local)?rule (\w+):$", text.split("Job stats:")[-2], flags=re.MULTILINE
+        )
         jobs = []
         for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
             keys = re.findall(r"\b(?:study|chunk)=([\w-]+)", re.search(r"wildcards:.*|$", block)[0])
@@ -53,9 +55,24 @@ def page(path):
 
 def test_table_and_figure_of_the_paper(reproduction):
     table = pd.read_csv(reproduction / "results/tables/table1.csv")
-    assert list(table.columns)[:8] == ["gain", "method", "torque", "against", "paper", "mean", "sd", "n"]
+    assert list(table.columns)[:8] == [
+        "gain",
+        "method",
+        "torque",
+        "against",
+        "paper",
+        "mean",
+        "sd",
+        "n",
+    ]
     assert list(table.columns)[8:] == COUNTS
-    methods = ["pr-moesp", "eiv-moesp", "parallel-cascade-one-pass", "parallel-cascade", "pr-moesp-free-b"]
+    methods = [
+        "pr-moesp",
+        "eiv-moesp",
+        "parallel-cascade-one-pass",
+        "parallel-cascade",
+        "pr-moesp-free-b",
+    ]
     assert list(table["method"].unique()) == methods
     assert set(table["n"]) == {4}
     assert set(table["gain"]) == {13.0, 2.0}
@@ -73,7 +90,9 @@ def test_table_and_figure_of_the_paper(reproduction):
 def test_scores_are_means_of_trials(reproduction):
     table = pd.read_csv(reproduction / "results/tables/table1.csv").query("gain == 13")
     table = table.set_index(["method", "torque", "against"])
-    trials = read_results(reproduction / "results/tables/table1-trials.parquet").query("reflex_gain == 13")
+    trials = read_results(reproduction / "results/tables/table1-trials.parquet").query(
+        "reflex_gain == 13"
+    )
     for (method, torque, against), row in table.iterrows():
         values = trials.loc[trials["method"] == method, f"vaf_{torque}_{against}"]
         assert row["mean"] == pytest.approx(values.mean(), abs=1e-9)
@@ -91,8 +110,16 @@ def test_settings_rerun_exactly_what_depends_on_them(plan):
     """An option and new points of Table 1: the point that stays is identified again; voluntary torque of Table 2."""
     option = {"pr-moesp": {"options": {"block_rows": 20}}}
     points = {"reflex_gain": [13.0, 5.0, 7.0]}
-    jobs = plan(table1={"methods": option, "points": points}, table2={"simulation": {"voluntary": 0.4}})
-    names = ("identify table1 0", "identify table1 1", "identify table1 2", "simulate table1 1", "simulate table1 2")
+    jobs = plan(
+        table1={"methods": option, "points": points}, table2={"simulation": {"voluntary": 0.4}}
+    )
+    names = (
+        "identify table1 0",
+        "identify table1 1",
+        "identify table1 2",
+        "simulate table1 1",
+        "simulate table1 2",
+    )
     chunks = dict.fromkeys((*names, "simulate table2 0", "identify table2 0"), 1)
     assert jobs == chunks | report_jobs("table1", 2) | report_jobs("table2", 1) | SUMMARIES
 
@@ -115,7 +142,9 @@ def touch(reproduction):
 def test_a_changed_method_identifies_again_and_simulates_nothing(reproduction, plan, touch):
     touch("methods/moesp.py")
     jobs = plan()
-    studies = yaml.safe_load((reproduction / "config/ci.yaml").read_text(encoding="utf-8"))["studies"]
+    studies = yaml.safe_load((reproduction / "config/ci.yaml").read_text(encoding="utf-8"))[
+        "studies"
+    ]
     assert {job.split()[1] for job in jobs if job.startswith("identify")} == set(studies)
     assert not any(job.startswith("simulate") for job in jobs)
 
@@ -128,11 +157,20 @@ def test_changed_pages_are_made_again(plan, touch):
 
 def test_the_whole_paper_is_there(reproduction):
     """Figures 1 to 5 and Tables 1 and 2, the ledger and the article."""
-    figures = ["figure1", "figure2", "table1-figure3", "figure4-figure4", "table2-figure5", "passes-passes"]
+    figures = [
+        "figure1",
+        "figure2",
+        "table1-figure3",
+        "figure4-figure4",
+        "table2-figure5",
+        "passes-passes",
+    ]
     for name in [*figures, "voluntary-stiffness", "load-vaf", "real-time-traces"]:
         ends = ("png", "pdf") if name in ("figure1", "figure2") else ("png", "pdf", "csv")
         for end in ends:
-            assert (reproduction / f"results/figures/{name}.{end}").stat().st_size > (4_000 if end != "csv" else 500)
+            assert (reproduction / f"results/figures/{name}.{end}").stat().st_size > (
+                4_000 if end != "csv" else 500
+            )
     ledger = pd.read_csv(reproduction / "results/verification.csv")
     claims = pd.read_csv(reproduction / "data/published/claims.csv")
     assert set(claims["id"]) <= set(ledger["id"])
@@ -142,7 +180,15 @@ def test_the_whole_paper_is_there(reproduction):
     ledger_page = (reproduction / "results/ledger.html").read_text(encoding="utf-8")
     assert all(name in ledger_page for name in ledger["id"])
     article = page(reproduction / "results/article.html")
-    for text in ("Figure 1.", "Figure 2.", "Table 1.", "Figure 3.", "Figure 4.", "simulated stand-in", "Figure 5"):
+    for text in (
+        "Figure 1.",
+        "Figure 2.",
+        "Table 1.",
+        "Figure 3.",
+        "Figure 4.",
+        "simulated stand-in",
+        "Figure 5",
+    ):
         assert text in article
     table = pd.read_csv(reproduction / "results/tables/table2.csv")
     assert {"vaf_net", "paper_net"} <= set(table)
@@ -169,12 +215,18 @@ def test_recordings_of_a_laboratory(reproduction):
     summary = page(reproduction / "results/reports/recordings.html")
     assert "position as reference" in summary
     assert "nowhere.csv" in summary
-    assert "cannot be told without a usable reference" in page(reproduction / "results/reports/recordings/A1.html")
-    assert "nowhere.csv" in (reproduction / "results/reports/recordings/A3.html").read_text(encoding="utf-8")
+    assert "cannot be told without a usable reference" in page(
+        reproduction / "results/reports/recordings/A1.html"
+    )
+    assert "nowhere.csv" in (reproduction / "results/reports/recordings/A3.html").read_text(
+        encoding="utf-8"
+    )
     assert (reproduction / "results/figures/recordings-group.png").stat().st_size > 10_000
     folder = reproduction / "results/estimates/recordings/A1"
     numbers = sorted(path.stem.removeprefix("figure-") for path in folder.glob("figure-*.csv"))
     assert numbers == ["models", "residuals", "spectra", "torques"]
-    exported = sorted(path.name for path in folder.glob("[a-z]*") if not path.name.startswith("figure-"))
+    exported = sorted(
+        path.name for path in folder.glob("[a-z]*") if not path.name.startswith("figure-")
+    )
     assert exported[:3] == ["parallel-cascade.csv", "parallel-cascade.mat", "parallel-cascade.nc"]
     assert len(exported) == 12

@@ -42,7 +42,15 @@ def undisturbed(repository, study_file, tmp_path_factory):
 def unfinished(repository, study_file, undisturbed, tmp_path_factory):
     """A folder in which every trial is identified, and nothing is reported yet."""
     folder = tmp_path_factory.mktemp("unfinished")
-    run = Run(repository, folder, folder.with_suffix(".log"), "--configfile", str(study_file), "--until", "identify")
+    run = Run(
+        repository,
+        folder,
+        folder.with_suffix(".log"),
+        "--configfile",
+        str(study_file),
+        "--until",
+        "identify",
+    )
     assert run.wait() == 0, run.text
     return folder
 
@@ -51,7 +59,9 @@ def unfinished(repository, study_file, undisturbed, tmp_path_factory):
 def slurm(tmp_path_factory):
     """A Slurm of one node."""
     if importlib.util.find_spec("snakemake_executor_plugin_slurm") is None:
-        pytest.skip("Snakemake's plugin for Slurm is not installed: pip install 'ankleloop[cluster]'.")
+        pytest.skip(
+            "Snakemake's plugin for Slurm is not installed: pip install 'ankleloop[cluster]'."
+        )
     slurm = Slurm(tmp_path_factory.mktemp("slurm"))
     try:
         install()
@@ -70,6 +80,8 @@ def start_cluster(start, slurm, repository):
     """Start a run of the study in a folder, on the cluster."""
 
     def start_cluster(folder, *arguments):
-        return start(folder, "--workflow-profile", str(repository / "profiles" / "slurm"), *arguments)
+        return start(
+            folder, "--workflow-profile", str(repository / "profiles" / "slurm"), *arguments
+        )
 
     return start_cluster

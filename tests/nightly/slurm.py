@@ -59,7 +59,10 @@ def install():
         return
     if not shutil.which("apt-get"):
         raise Missing("Slurm is not installed, and there is no apt-get to install it.")
-    for command in (["update"], ["install", "--yes", "--no-install-recommends", "slurm-wlm", "munge"]):
+    for command in (
+        ["update"],
+        ["install", "--yes", "--no-install-recommends", "slurm-wlm", "munge"],
+    ):
         process = subprocess.run(
             ["apt-get", "--quiet", *command],
             env={**os.environ, "DEBIAN_FRONTEND": "noninteractive"},
@@ -67,7 +70,9 @@ def install():
             text=True,
         )
         if process.returncode:
-            raise Missing(f"apt-get {command[0]} failed: {process.stderr.strip().splitlines()[-1:]}")
+            raise Missing(
+                f"apt-get {command[0]} failed: {process.stderr.strip().splitlines()[-1:]}"
+            )
 
 
 class Slurm:
@@ -104,20 +109,39 @@ class Slurm:
         MUNGE.mkdir(exist_ok=True)
         shutil.chown(MUNGE, "munge", "munge")
         MUNGE.chmod(0o755)
-        command = ["setpriv", "--reuid=munge", "--regid=munge", "--clear-groups", "munged", "--foreground"]
+        command = [
+            "setpriv",
+            "--reuid=munge",
+            "--regid=munge",
+            "--clear-groups",
+            "munged",
+            "--foreground",
+        ]
         self.munge = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        wait_for(lambda: subprocess.run(["munge", "--no-input"], capture_output=True).returncode == 0, 20)
+        wait_for(
+            lambda: subprocess.run(["munge", "--no-input"], capture_output=True).returncode == 0, 20
+        )
 
     def start_node(self):
         """Start the daemon of the node, and wait until it takes jobs."""
         subprocess.run(["slurmd"], check=True)
-        wait_for(lambda: self.query("sinfo", "--noheader", "--format=%t") in ("idle", "mix", "alloc"), 60)
+        wait_for(
+            lambda: self.query("sinfo", "--noheader", "--format=%t") in ("idle", "mix", "alloc"), 60
+        )
 
     def fail_node(self):
         """What a loss of power does: the daemon of the node and all processes of its jobs are gone at once."""
         daemon = psutil.Process(int((self.folder / "slurmd.pid").read_text()))
-        steps = [process for process in psutil.process_iter(["name"]) if process.info["name"] == "slurmstepd"]
-        processes = [daemon, *(child for step in steps for child in step.children(recursive=True)), *steps]
+        steps = [
+            process
+            for process in psutil.process_iter(["name"])
+            if process.info["name"] == "slurmstepd"
+        ]
+        processes = [
+            daemon,
+            *(child for step in steps for child in step.children(recursive=True)),
+            *steps,
+        ]
         for process in processes:
             with contextlib.suppress(psutil.NoSuchProcess):
                 process.kill()
@@ -132,13 +156,17 @@ class Slurm:
         return subprocess.run(command, capture_output=True, text=True).stdout.strip()
 
     def _is_answering(self):
-        return subprocess.run(["scontrol", "ping"], capture_output=True, text=True).stdout.endswith("is UP\n")
+        return subprocess.run(["scontrol", "ping"], capture_output=True, text=True).stdout.endswith(
+            "is UP\n"
+        )
 
     def stop(self):
         """End all jobs and daemons that were started here, and put the configuration back."""
         subprocess.run(["scancel", "--user=root"], capture_output=True)
         for name in ("slurmd", "slurmctld"):
-            with contextlib.suppress(FileNotFoundError, ValueError, psutil.NoSuchProcess, psutil.TimeoutExpired):
+            with contextlib.suppress(
+                FileNotFoundError, ValueError, psutil.NoSuchProcess, psutil.TimeoutExpired
+            ):
                 daemon = psutil.Process(int((self.folder / f"{name}.pid").read_text()))
                 daemon.send_signal(signal.SIGTERM)
                 daemon.wait(20)

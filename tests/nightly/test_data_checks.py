@@ -42,7 +42,9 @@ def test_position_and_reference_exchanged(study):
     """All are seen, but behind an actuator that is faster than the samples show, where there is nothing to see."""
     for settings in STUDIES[study]:
         trial = simulate(seed=SEEDS[0], **settings)
-        assert check(new_trial(trial["reference"], trial["torque"], 1000.0, trial["position"])), settings
+        assert check(new_trial(trial["reference"], trial["torque"], 1000.0, trial["position"])), (
+            settings
+        )
 
 
 @pytest.mark.parametrize("factor", [5, 20, 50])  # of the decimation whose low-pass is taken

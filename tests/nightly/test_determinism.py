@@ -29,9 +29,21 @@ def tables(repository, snakemake, tmp_path_factory):
         path = folder / "config.yaml"
         path.write_text(yaml.safe_dump(config), encoding="utf-8")
         snakefile = str(repository / "Snakefile")
-        snakemake(repository, "--snakefile", snakefile, "--configfile", str(path), "--cores", cores, folder=folder)
+        snakemake(
+            repository,
+            "--snakefile",
+            snakefile,
+            "--configfile",
+            str(path),
+            "--cores",
+            cores,
+            folder=folder,
+        )
         files = (folder / "results" / "tables").iterdir()
-        return {f.name: parquet.read_table(f) if f.suffix == ".parquet" else f.read_bytes() for f in files}
+        return {
+            f.name: parquet.read_table(f) if f.suffix == ".parquet" else f.read_bytes()
+            for f in files
+        }
 
     return {name: make(*arguments) for name, arguments in CHUNKS.items()}
 

@@ -13,7 +13,9 @@ SEED = 2008
 def test_results_after_a_kill_are_those_of_an_undisturbed_run(start, finish, undisturbed, tmp_path):
     """Every other kill takes the jobs along; otherwise they go on as orphans while the next run begins."""
     expected, duration = undisturbed
-    assert {"tables/study.csv", "reports/study.html", f"scores/study/{CHUNKS - 1}.parquet"} <= set(expected)
+    assert {"tables/study.csv", "reports/study.html", f"scores/study/{CHUNKS - 1}.parquet"} <= set(
+        expected
+    )
     generator = random.Random(SEED)
     during = 0
     for number in range(KILLS):
@@ -32,7 +34,9 @@ def test_results_after_a_kill_are_those_of_an_undisturbed_run(start, finish, und
     assert during >= KILLS / 2
 
 
-def test_a_second_run_in_the_same_folder_refuses_and_the_first_finishes(start, undisturbed, tmp_path):
+def test_a_second_run_in_the_same_folder_refuses_and_the_first_finishes(
+    start, undisturbed, tmp_path
+):
     expected, _ = undisturbed
     first = start(tmp_path)
     first.wait_for(lambda: list((tmp_path / "results").rglob("*.nc")))

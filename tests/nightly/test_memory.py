@@ -11,12 +11,17 @@ import pytest
 
 from ankleloop import simulate
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the memory of a process is read from /proc")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="the memory of a process is read from /proc"
+)
 TESTS = Path(__file__).parents[1]
 MOST = 500e6  # bytes of a job
 STEP = 5e6  # bytes by which a peak varies
 GROWTH = 4e3  # bytes for each trial: its attributes, and its places in temporary files; a signal of 4 s has 32,000
-FILLED, COUNT = 1000, 10_000  # trials that fill the buffers of the job and of the libraries, and how many there are
+FILLED, COUNT = (
+    1000,
+    10_000,
+)  # trials that fill the buffers of the job and of the libraries, and how many there are
 
 IMPORTS = """
 import json, logging, sys
@@ -91,7 +96,12 @@ def test_memory_does_not_grow_with_the_trials_of_a_chunk(tmp_path):
 def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path):
     """Trials end to end, at 100 Hz; the basis of the nonlinearity is fitted to as many velocities in both."""
     trial = simulate(
-        seed=1, duration=1000.0, recording_rate=100.0, integration_rate=1000.0, antialias_cutoff=40.0, noise_rate=100.0
+        seed=1,
+        duration=1000.0,
+        recording_rate=100.0,
+        integration_rate=1000.0,
+        antialias_cutoff=40.0,
+        noise_rate=100.0,
     )
     samples, peaks = (1_200_000, 4_800_000), []
     for count in samples:

@@ -17,7 +17,9 @@ from ankleloop import simulate
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
 ROOT = Path(__file__).parents[2]
-BUILD = "import sys; from flit_core import buildapi; print(getattr(buildapi, sys.argv[1])(sys.argv[2]))"
+BUILD = (
+    "import sys; from flit_core import buildapi; print(getattr(buildapi, sys.argv[1])(sys.argv[2]))"
+)
 WORKFLOW = ("snakemake", "papermill", "nbconvert", "IPython", "pytest")
 IMPORT_ALL = f"""
 import importlib, importlib.util, pkgutil
@@ -42,7 +44,11 @@ def list_requirements(name):
     names, pending = set(), [name]
     while pending:
         texts = distribution(pending.pop()).requires or ()
-        required = [item for item in map(Requirement, texts) if not item.marker or item.marker.evaluate({"extra": ""})]
+        required = [
+            item
+            for item in map(Requirement, texts)
+            if not item.marker or item.marker.evaluate({"extra": ""})
+        ]
         pending += [item.name for item in required if item.name not in names]
         names |= {item.name for item in required}
     return names
@@ -52,14 +58,30 @@ def make_environment(folder, wheel):
     """An environment with a wheel and the distributions that it requires, those of this environment, and no others."""
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder)], check=True)
     python = folder / "bin" / "python"
-    packages = Path(run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").strip())
+    packages = Path(
+        run(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))").strip()
+    )
     for name in list_requirements("ankleloop"):
         installed = distribution(name)
-        for part in {file.parts[0] for file in installed.files or () if file.parts[0] not in ("..", "__pycache__")}:
+        for part in {
+            file.parts[0]
+            for file in installed.files or ()
+            if file.parts[0] not in ("..", "__pycache__")
+        }:
             target = packages / part
             if not target.exists():
                 target.symlink_to(installed.locate_file(part))
-    install = ["-m", "pip", "--python", str(python), "install", "--quiet", "--no-deps", "--no-index", str(wheel)]
+    install = [
+        "-m",
+        "pip",
+        "--python",
+        str(python),
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-index",
+        str(wheel),
+    ]
     subprocess.run([sys.executable, *install], check=True)
     return folder / "bin"
 
@@ -69,7 +91,11 @@ def run(program, *arguments, folder=None, check=True):
     hidden = ("PYTHON", "VIRTUAL_ENV", "ANKLELOOP", "NUMBA")
     variables = {name: value for name, value in os.environ.items() if not name.startswith(hidden)}
     process = subprocess.run(
-        [str(program), *map(str, arguments)], cwd=folder, env=variables, capture_output=True, text=True
+        [str(program), *map(str, arguments)],
+        cwd=folder,
+        env=variables,
+        capture_output=True,
+        text=True,
     )
     assert not check or process.returncode == 0, process.stdout + process.stderr
     return process.stdout
@@ -83,10 +109,14 @@ def wheel(tmp_path_factory):
 def test_the_wheel_has_every_file_of_the_library(wheel):
     """Templates and data as well as modules."""
     source = ROOT / "src"
-    files = [path for path in source.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    files = [
+        path for path in source.rglob("*") if path.is_file() and "__pycache__" not in path.parts
+    ]
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
-        scripts = archive.read(f"ankleloop-{ankleloop.__version__}.dist-info/entry_points.txt").decode()
+        scripts = archive.read(
+            f"ankleloop-{ankleloop.__version__}.dist-info/entry_points.txt"
+        ).decode()
     assert names == {path.relative_to(source).as_posix() for path in files}
     assert "ankleloop=ankleloop.command_line.main:main" in scripts.replace(" ", "")
 
@@ -96,7 +126,9 @@ def test_the_source_distribution_gives_the_same_wheel(wheel, tmp_path):
     shutil.unpack_archive(sdist, tmp_path, filter="data")
     again = build("wheel", tmp_path, tmp_path / sdist.name.removesuffix(".tar.gz"))
     with zipfile.ZipFile(wheel) as first, zipfile.ZipFile(again) as second:
-        assert {i.filename: i.CRC for i in first.infolist()} == {i.filename: i.CRC for i in second.infolist()}
+        assert {i.filename: i.CRC for i in first.infolist()} == {
+            i.filename: i.CRC for i in second.infolist()
+        }
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +140,10 @@ def test_the_library_imports_without_the_workflow(programs, tmp_path):
     file, others = run(programs / "python", "-c", IMPORT_ALL, folder=tmp_path).splitlines()
     assert Path(file).is_relative_to(programs.parent)
     assert others == "[]"
-    assert run(programs / "ankleloop", "--version", folder=tmp_path).strip() == f"ankleloop {ankleloop.__version__}"
+    assert (
+        run(programs / "ankleloop", "--version", folder=tmp_path).strip()
+        == f"ankleloop {ankleloop.__version__}"
+    )
 
 
 def test_the_demonstration(programs, tmp_path):
@@ -124,11 +159,15 @@ def test_every_file_format(programs, tmp_path, kind):
     write_recording(simulate(seed=2, duration=20.0), path, kind)
     run(programs / "ankleloop", "identify", path.name, "--method", "riv", folder=tmp_path)
     results = tmp_path / f"{path.name}-results"
-    assert {"riv.nc", "riv.mat", "riv.csv", "figure-torques.csv"} <= {file.name for file in (results / "S1").iterdir()}
+    assert {"riv.nc", "riv.mat", "riv.csv", "figure-torques.csv"} <= {
+        file.name for file in (results / "S1").iterdir()
+    }
     code = "import ankleloop, sys; print(ankleloop.load_estimate(sys.argv[1]).stiffness['K'])"
     run(programs / "ankleloop", "study", "new.yaml", path.name, folder=tmp_path)
     assert "torque: torque" in (tmp_path / "new.yaml").read_text(encoding="utf-8")
-    stiffness = float(run(programs / "python", "-c", code, results / "S1" / "riv.nc", folder=tmp_path))
+    stiffness = float(
+        run(programs / "python", "-c", code, results / "S1" / "riv.nc", folder=tmp_path)
+    )
     assert stiffness == pytest.approx(150.0, rel=0.1)
 
 

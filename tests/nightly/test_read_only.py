@@ -51,11 +51,18 @@ def run_as_nobody(folders):
     user += ["--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search"]
 
     def run(*command, **environment):
-        variables = {name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"}
+        variables = {
+            name: value for name, value in os.environ.items() if name != "ANKLELOOP_RECORDINGS"
+        }
         process = subprocess.run(
             [*user, *map(str, command)],
             cwd=folders / "work",
-            env={**variables, "HOME": str(folders / "home"), "TMPDIR": str(folders / "tmp"), **environment},
+            env={
+                **variables,
+                "HOME": str(folders / "home"),
+                "TMPDIR": str(folders / "tmp"),
+                **environment,
+            },
             capture_output=True,
             text=True,
         )
@@ -74,19 +81,25 @@ def source(repository, tmp_path):
     return os.pathsep.join([str(folder), path]).rstrip(os.pathsep)
 
 
-def test_kernels_are_compiled_in_memory_or_kept_where_a_variable_says(run_as_nobody, source, folders):
+def test_kernels_are_compiled_in_memory_or_kept_where_a_variable_says(
+    run_as_nobody, source, folders
+):
     warned, value = run_as_nobody(sys.executable, "-c", CODE, PYTHONPATH=source).split()
     assert warned == "1"
     folder = folders / "work" / "kernels"
     for _ in range(2):
-        answer = run_as_nobody(sys.executable, "-c", CODE, PYTHONPATH=source, NUMBA_CACHE_DIR=str(folder))
+        answer = run_as_nobody(
+            sys.executable, "-c", CODE, PYTHONPATH=source, NUMBA_CACHE_DIR=str(folder)
+        )
         assert answer.split() == ["0", value]
         files = sorted(folder.rglob("*.nbc"))
         assert files
     assert sorted(folder.rglob("*.nbc")) == files
 
 
-def test_a_study_runs_with_a_cache_of_its_own(run_as_nobody, source, repository, study_file, undisturbed, folders):
+def test_a_study_runs_with_a_cache_of_its_own(
+    run_as_nobody, source, repository, study_file, undisturbed, folders
+):
     expected, _ = undisturbed
     snakefile = repository / "Snakefile"
     path = f"{PROGRAM.parent}{os.pathsep}{os.environ['PATH']}"

@@ -11,7 +11,9 @@ import pytest
 from workflow_runs import CHUNKS, list_differences, mount, read_results
 
 
-def test_a_full_disk_is_named_and_with_more_space_the_run_ends_as_undisturbed(start, finish, undisturbed, tmp_path):
+def test_a_full_disk_is_named_and_with_more_space_the_run_ends_as_undisturbed(
+    start, finish, undisturbed, tmp_path
+):
     expected, _ = undisturbed
     folder = tmp_path / "small"
     folder.mkdir()
@@ -30,7 +32,9 @@ def test_a_read_only_folder_is_named(start, finish, undisturbed, tmp_path):
     folder = tmp_path / "folder"
     folder.mkdir()
     with mount("--bind", str(folder), folder=folder):
-        process = subprocess.run(["mount", "-o", "remount,bind,ro", str(folder)], capture_output=True, text=True)
+        process = subprocess.run(
+            ["mount", "-o", "remount,bind,ro", str(folder)], capture_output=True, text=True
+        )
         if process.returncode:
             pytest.skip(f"this user may not mount a folder read-only: {process.stderr.strip()}")
         run = start(folder)
@@ -67,7 +71,9 @@ if sys.orig_argv[-1].endswith(".identify.py"):
 """
 
 
-def test_a_job_without_memory_says_so_and_the_others_finish(repository, start, finish, undisturbed, tmp_path):
+def test_a_job_without_memory_says_so_and_the_others_finish(
+    repository, start, finish, undisturbed, tmp_path
+):
     """The message has study, point, trial and method, and the command that finishes the run."""
     expected, _ = undisturbed
     (tmp_path / "limit").mkdir()
@@ -76,13 +82,19 @@ def test_a_job_without_memory_says_so_and_the_others_finish(repository, start, f
     folder.mkdir()
     path = os.pathsep.join([str(repository / "src"), str(tmp_path / "limit")])
     # Without the threshold arrays may come from memory that the job has freed, and has still.
-    run = start(folder, PYTHONPATH=path, FIRST_JOB=str(tmp_path / "first"), MALLOC_MMAP_THRESHOLD_="65536")
+    run = start(
+        folder, PYTHONPATH=path, FIRST_JOB=str(tmp_path / "first"), MALLOC_MMAP_THRESHOLD_="65536"
+    )
     assert run.wait() != 0
     assert (tmp_path / "first").exists()
-    messages = re.findall(r"^rule identify.*out of memory.*", run.text.split("Logfile ")[0], re.MULTILINE)
+    messages = re.findall(
+        r"^rule identify.*out of memory.*", run.text.split("Logfile ")[0], re.MULTILINE
+    )
     assert len(messages) == 1, run.text
     place = r"study study, point reflex_gain=\S+, trial \d+, method pr-moesp; results/trials/study/\d+\.nc"
-    assert re.match(rf"rule identify, study study, chunk \d+; {place}: out of memory \(", messages[0]), messages
+    assert re.match(
+        rf"rule identify, study study, chunk \d+; {place}: out of memory \(", messages[0]
+    ), messages
     assert "run the same command again with fewer jobs at a time (--cores 1)" in messages[0]
     assert len(list(folder.glob("results/scores/study/*.parquet"))) == CHUNKS - 1
     assert not list(folder.rglob("*.part"))
@@ -104,7 +116,9 @@ def kill_a_job(run):
     jobs[0].kill()
 
 
-def test_a_job_that_the_system_ends_is_named_and_the_others_are_not_repeated(start, finish, undisturbed, tmp_path):
+def test_a_job_that_the_system_ends_is_named_and_the_others_are_not_repeated(
+    start, finish, undisturbed, tmp_path
+):
     run = start(tmp_path)
     kill_a_job(run)
     assert run.wait() != 0
@@ -137,7 +151,9 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-@pytest.mark.parametrize("file", ["trials/study/1.nc", "estimates/study/1.parquet", "scores/study/1.parquet"])
+@pytest.mark.parametrize(
+    "file", ["trials/study/1.nc", "estimates/study/1.parquet", "scores/study/1.parquet"]
+)
 def test_a_damaged_file_is_named_and_deleting_it_mends_it(
     start, finish, undisturbed, unfinished, tmp_path, file, damage
 ):
@@ -146,8 +162,12 @@ def test_a_damaged_file_is_named_and_deleting_it_mends_it(
     path = folder / "results" / file
     path.write_bytes(DAMAGES[damage](path.read_bytes()))
     run = start(folder)
-    assert run.wait() != 0, f"nobody noticed; different: {list_differences(undisturbed[0], read_results(folder))}"
-    logs = "".join(file.read_text(encoding="utf-8") for file in folder.glob("logs/*/study*") if file.is_file())
+    assert run.wait() != 0, (
+        f"nobody noticed; different: {list_differences(undisturbed[0], read_results(folder))}"
+    )
+    logs = "".join(
+        file.read_text(encoding="utf-8") for file in folder.glob("logs/*/study*") if file.is_file()
+    )
     assert f"results/{file}" in run.text.split("Error in rule")[0] + logs
     path.unlink(missing_ok=True)
     assert not list_differences(undisturbed[0], finish(folder, unlock=False))

@@ -14,7 +14,9 @@ def test_results_of_a_cluster_are_those_of_one_machine(start_cluster, undisturbe
     assert not list_differences(undisturbed[0], read_results(folder))
 
 
-def test_after_a_node_has_failed_only_the_jobs_that_it_ran_are_repeated(start_cluster, slurm, undisturbed, tmp_path):
+def test_after_a_node_has_failed_only_the_jobs_that_it_ran_are_repeated(
+    start_cluster, slurm, undisturbed, tmp_path
+):
     folder = tmp_path / "work"
     run = start_cluster(folder)
 

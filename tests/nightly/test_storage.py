@@ -15,7 +15,9 @@ def storage(tmp_path):
             "Snakemake's plugin for storage in a file system is not installed: pip install 'ankleloop[cluster]'."
         )
     if not shutil.which("rsync"):
-        pytest.skip("the plugin for storage in a file system needs the program rsync, which is not installed.")
+        pytest.skip(
+            "the plugin for storage in a file system needs the program rsync, which is not installed."
+        )
     folder = tmp_path / "storage"
     folder.mkdir()
     return ["--default-storage-provider", "fs", "--default-storage-prefix", str(folder)], folder

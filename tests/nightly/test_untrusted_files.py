@@ -18,14 +18,18 @@ def test_a_bomb_of_gzip_is_refused(tmp_path):
         file.write(b"time,position,torque\n")
         for _ in range(50):
             file.write(b"0,0,0\n" * 500_000)
-    with pytest.raises(DataError, match=r"a.csv.gz: (the table has [\d,]+ samples .* at most|.*stopped after 10 s)"):
+    with pytest.raises(
+        DataError, match=r"a.csv.gz: (the table has [\d,]+ samples .* at most|.*stopped after 10 s)"
+    ):
         read_trial(tmp_path / "a.csv.gz")
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 def test_a_fork_of_the_program_takes_a_process_of_its_own(tmp_path):
     good = tmp_path / "a.mat"
-    scipy.io.savemat(good, {"position": np.sin(0.01 * np.arange(300)), "torque": np.arange(300.0), "fs": 500.0})
+    scipy.io.savemat(
+        good, {"position": np.sin(0.01 * np.arange(300)), "torque": np.arange(300.0), "fs": 500.0}
+    )
     script = f"""
         import os, sys
         import ankleloop
@@ -41,4 +45,6 @@ def test_a_fork_of_the_program_takes_a_process_of_its_own(tmp_path):
         statuses = [os.waitpid(child, 0)[1] for child in children]
         sys.exit(statuses != [0, 0, 0] or not equal)
     """
-    assert subprocess.run([sys.executable, "-c", textwrap.dedent(script)], timeout=60).returncode == 0
+    assert (
+        subprocess.run([sys.executable, "-c", textwrap.dedent(script)], timeout=60).returncode == 0
+    )

@@ -22,14 +22,22 @@ HEADING = """\
 def describe():
     """Content of the file."""
     metadata = yaml.safe_load((ROOT / "metadata.yaml").read_text(encoding="utf-8"))
-    titles = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))["studies"]
-    titles |= yaml.safe_load((ROOT / "config" / "beyond.yaml").read_text(encoding="utf-8")).get("studies", {})
+    titles = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))[
+        "studies"
+    ]
+    titles |= yaml.safe_load((ROOT / "config" / "beyond.yaml").read_text(encoding="utf-8")).get(
+        "studies", {}
+    )
     entries = []
     for path in sorted(EXPECTED.glob("*.csv")):
         title = titles.get(path.stem, {}).get("title", path.stem)
-        comment = f"{title}: means over the trials of the reduced configuration, each with its tolerance"
+        comment = (
+            f"{title}: means over the trials of the reduced configuration, each with its tolerance"
+        )
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        entries.append({"file": path.relative_to(ROOT).as_posix(), "comment": comment, "sha256": digest})
+        entries.append(
+            {"file": path.relative_to(ROOT).as_posix(), "comment": comment, "sha256": digest}
+        )
     content = {
         "version": "https://codecheck.org.uk/spec/config/1.0",
         "paper": {
@@ -39,7 +47,9 @@ def describe():
         },
         "manifest": entries,
         "source": "make test runs the workflow, reduced by config/ci.yaml, and compares its results with these files",
-        **dict.fromkeys(("summary", "repository", "codechecker", "check_time", "certificate", "report")),
+        **dict.fromkeys(
+            ("summary", "repository", "codechecker", "check_time", "certificate", "report")
+        ),
     }
     return HEADING + yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=118)
 

@@ -21,10 +21,18 @@ def summarise_results(results, study):
     """Mean, spread and number of trials of every VAF, and of K, B, I and G, of a study."""
     details = read_results(results / "tables" / f"{study}-trials.parquet")
     names = [name for name in details if name.startswith("vaf_") or name in ("K", "B", "I", "G")]
-    everything = details.melt(["point", "method", "trial"], names, "quantity", "value").dropna(subset="value")
-    everything["quantity"] = everything["quantity"].str.replace(r"vaf_(\w+)_(\w+)", r"VAF \1 (\2)", regex=True)
+    everything = details.melt(["point", "method", "trial"], names, "quantity", "value").dropna(
+        subset="value"
+    )
+    everything["quantity"] = everything["quantity"].str.replace(
+        r"vaf_(\w+)_(\w+)", r"VAF \1 (\2)", regex=True
+    )
     everything = everything[~everything["method"].str.endswith(DECIDED_BY_ROUNDING)]
-    table = everything.groupby(KEY, sort=False)["value"].agg(mean="mean", sd="std", n="count").reset_index()
+    table = (
+        everything.groupby(KEY, sort=False)["value"]
+        .agg(mean="mean", sd="std", n="count")
+        .reset_index()
+    )
     table = table[table["n"] > 1].reset_index(drop=True)  # one trial that has a G has no spread
     standard_error = table["sd"].fillna(0.0) / np.sqrt(table["n"])
     return table.assign(tolerance=np.maximum(SHARE * standard_error, LEAST * table["mean"].abs()))

@@ -40,7 +40,10 @@ class Block(NamedTuple):
 
 def documentation_pages():
     """All pages with text of ours, relative to the repository."""
-    return [*OUTSIDE, *(path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "docs").rglob("*.md")))]
+    return [
+        *OUTSIDE,
+        *(path.relative_to(ROOT).as_posix() for path in sorted((ROOT / "docs").rglob("*.md"))),
+    ]
 
 
 def read_blocks(page):
@@ -49,7 +52,12 @@ def read_blocks(page):
     blocks, end = [], 0
     for match in FENCE.finditer(text):
         language, code = match["language"].strip(), textwrap.dedent(match["code"])
-        if language == "text" and blocks and not text[end : match.start()].strip() and blocks[-1].output is None:
+        if (
+            language == "text"
+            and blocks
+            and not text[end : match.start()].strip()
+            and blocks[-1].output is None
+        ):
             blocks[-1] = blocks[-1]._replace(output=code)
         else:
             tags = re.match(r":tags: \[(.*)\]\n", code)
@@ -83,7 +91,11 @@ BEFORE = {
 
 
 # tests/nightly adds the method of that page, and runs its study.
-YAML = [block for block in BLOCKS if block.language == "yaml" and block.page != "docs/tutorials/add-a-method.md"]
+YAML = [
+    block
+    for block in BLOCKS
+    if block.language == "yaml" and block.page != "docs/tutorials/add-a-method.md"
+]
 
 
 @pytest.fixture(scope="module")
@@ -91,21 +103,33 @@ def files(tmp_path_factory):
     """The files that readers of the pages have: recordings in several states, a long one, a table of trials."""
     folder = tmp_path_factory.mktemp("files")
     trial = ankleloop.simulate(seed=1, duration=30.0)
-    table = pd.DataFrame({name: trial[name].to_numpy() for name in ("time", "position", "torque", "reference")})
+    table = pd.DataFrame(
+        {name: trial[name].to_numpy() for name in ("time", "position", "torque", "reference")}
+    )
     table.to_csv(folder / "trial.csv", index=False)
     table.drop(columns="time").to_csv(folder / "no-times.csv", index=False)
     table.drop(index=range(300, 350)).to_csv(folder / "gap.csv", index=False)
-    table.assign(position=table["position"].where(table.index != 100)).to_csv(folder / "missing.csv", index=False)
+    table.assign(position=table["position"].where(table.index != 100)).to_csv(
+        folder / "missing.csv", index=False
+    )
     table.rename(columns={"position": "angle_deg"}).to_csv(folder / "degrees.csv", index=False)
     table.to_csv(folder / "semicolons.csv", sep=";", decimal=",", index=False)
     for name in ("S1.csv", "S2.csv", "S1.mat", "S2.mat"):
         turned = table.assign(torque=-table["torque"])
-        turned.to_csv(folder / name, index=False) if name.endswith("csv") else (folder / name).touch()
+        turned.to_csv(folder / name, index=False) if name.endswith("csv") else (
+            folder / name
+        ).touch()
     for number in range(1, 4):
         part = table[(number - 1) * 10_000 : number * 10_000]
-        part.assign(time=part["time"] - part["time"].iloc[0]).to_csv(folder / f"part{number}.csv", index=False)
+        part.assign(time=part["time"] - part["time"].iloc[0]).to_csv(
+            folder / f"part{number}.csv", index=False
+        )
     with h5py.File(folder / "long.h5", "w") as file:
-        for name, values in (("angle", table.position), ("moment", -table.torque), ("command", table.reference)):
+        for name, values in (
+            ("angle", table.position),
+            ("moment", -table.torque),
+            ("command", table.reference),
+        ):
             file[name] = values.to_numpy()[::10]
     write_sweep(folder / "results" / "tables" / "sweep-trials.parquet")
     (folder / "sweep.csv").write_text("reflex_gain\n8.0\n12.0\n", encoding="utf-8")
@@ -151,7 +175,9 @@ def run_python(block, names):
 
 
 # Pages whose code is hidden, and only draws, run with the site in tests/nightly.
-SHOWN = {block.page for block in BLOCKS if block.language == "python" and block.tags != "remove-input"}
+SHOWN = {
+    block.page for block in BLOCKS if block.language == "python" and block.tags != "remove-input"
+}
 
 
 @pytest.mark.parametrize("page", sorted(SHOWN))
@@ -168,7 +194,11 @@ def test_python_runs_and_prints_what_the_page_shows(page, folder):
 def merge(base, changes):
     """Override keys, as Snakemake does with files of --configfile."""
     for key, value in changes.items():
-        base[key] = merge(base[key], value) if isinstance(value, dict) and isinstance(base.get(key), dict) else value
+        base[key] = (
+            merge(base[key], value)
+            if isinstance(value, dict) and isinstance(base.get(key), dict)
+            else value
+        )
     return base
 
 
@@ -180,7 +210,11 @@ def check_config(text):
 
 def check_part(part):
     """Check keys that stand below the name of a study."""
-    study = {"trials": 1, "seed": 1, "methods": {name: {"method": name} for name in ("riv", "pr-moesp")}}
+    study = {
+        "trials": 1,
+        "seed": 1,
+        "methods": {name: {"method": name} for name in ("riv", "pr-moesp")},
+    }
     SimulationStudy(**{**study, **part})
 
 

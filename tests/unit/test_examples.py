@@ -6,10 +6,19 @@ import pytest
 
 import ankleloop
 
-PUBLIC = {name: getattr(ankleloop, name) for name in ankleloop.__all__ if name not in ("METHODS", "subspace")}
-PUBLIC |= {f"subspace.{name}": getattr(ankleloop.subspace, name) for name in ankleloop.subspace.__all__}
+PUBLIC = {
+    name: getattr(ankleloop, name)
+    for name in ankleloop.__all__
+    if name not in ("METHODS", "subspace")
+}
+PUBLIC |= {
+    f"subspace.{name}": getattr(ankleloop.subspace, name) for name in ankleloop.subspace.__all__
+}
 EXAMPLES = [
-    test for name, member in PUBLIC.items() for test in doctest.DocTestFinder().find(member, name) if test.examples
+    test
+    for name, member in PUBLIC.items()
+    for test in doctest.DocTestFinder().find(member, name)
+    if test.examples
 ]
 
 

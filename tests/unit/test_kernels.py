@@ -44,7 +44,9 @@ def hits(total):
     return sum(total.stats.cache_hits.values())
 
 
-def test_processes_that_compile_at_once_for_other_types_never_take_code_of_each_other(load, tmp_path, monkeypatch):
+def test_processes_that_compile_at_once_for_other_types_never_take_code_of_each_other(
+    load, tmp_path, monkeypatch
+):
     """Both read the empty index; then one writes all, and then the other."""
     whole, real = np.arange(5), np.arange(5.0)
     first, second = load(), load()

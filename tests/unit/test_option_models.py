@@ -13,7 +13,13 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.subspace.sources import MemoryOptions, SubspaceOptions
 from ankleloop.trials.reading_options import ReadingOptions
 
-REQUIRED = {"block_rows": 15, "order": 2, "instruments": "none", "projection": "ordinary", "dt": 1.0}
+REQUIRED = {
+    "block_rows": 15,
+    "order": 2,
+    "instruments": "none",
+    "projection": "ordinary",
+    "dt": 1.0,
+}
 MODELS = [
     *dict.fromkeys(method.options for method in METHODS.values()),
     *(MoespModelOptions, SimulationSettings, SubspaceOptions, MemoryOptions, ReadingOptions),
@@ -36,8 +42,14 @@ def parse(model, **values):
 def types_of(model, name):
     """Types of a field without None, and whether None is one of them."""
     annotation = model.model_fields[name].annotation
-    members = get_args(annotation) if get_origin(annotation) not in (None, tuple, Literal) else [annotation]
-    return [get_origin(member) or member for member in members if member is not type(None)], type(None) in members
+    members = (
+        get_args(annotation)
+        if get_origin(annotation) not in (None, tuple, Literal)
+        else [annotation]
+    )
+    return [get_origin(member) or member for member in members if member is not type(None)], type(
+        None
+    ) in members
 
 
 @pytest.mark.parametrize(("model", "name"), FIELDS)
@@ -59,7 +71,11 @@ def test_wrong_types_are_refused_by_the_name_of_the_option(model, name):
 def test_values_out_of_range_are_refused_with_the_range_and_its_unit(model, name):
     for bound, limit in model.limits(name).items():
         outside = math.nextafter(limit, -math.inf if bound in ("ge", "gt") else math.inf)
-        outside = (math.ceil(limit) - 1 if bound == "ge" else limit + 1) if int in types_of(model, name)[0] else outside
+        outside = (
+            (math.ceil(limit) - 1 if bound == "ge" else limit + 1)
+            if int in types_of(model, name)[0]
+            else outside
+        )
         for value in [outside, *([limit] if bound in ("gt", "lt") else [])]:
             with pytest.raises(ValueError, match=f"^the method: {name} must be ") as refusal:
                 parse(model, **{name: value})
@@ -76,7 +92,9 @@ def test_a_misspelt_name_suggests_the_right_one(model):
         if len(name) > 3 and misspelt not in model.model_fields:
             with pytest.raises(TypeError) as refusal:
                 parse(model, **{misspelt: 1})
-            assert f"has no option {misspelt!r} (did you mean {name!r}?); it has " in str(refusal.value)
+            assert f"has no option {misspelt!r} (did you mean {name!r}?); it has " in str(
+                refusal.value
+            )
 
 
 def test_defaults_of_methods_are_valid_and_cannot_be_changed():
@@ -87,14 +105,23 @@ def test_defaults_of_methods_are_valid_and_cannot_be_changed():
 
 
 def test_options_are_checked_before_the_trial():
-    with pytest.raises(ValueError, match="identification_rate must be between 1 and 10000 Hz, got -1"):
+    with pytest.raises(
+        ValueError, match="identification_rate must be between 1 and 10000 Hz, got -1"
+    ):
         METHODS["riv"](None, identification_rate=-1)
 
 
 def test_numpy_scalars_are_numbers():
     trial = ankleloop.simulate(seed=1, duration=10.0)
     plain = {"order": 3, "delay": 0.05, "degree": 4, "free_b": True}
-    options = {"order": np.int16(3), "delay": np.float64(0.05), "degree": np.array(4), "free_b": np.bool_(True)}
-    assert ankleloop.identify(trial, "pr-moesp", **options) == ankleloop.identify(trial, "pr-moesp", **plain)
+    options = {
+        "order": np.int16(3),
+        "delay": np.float64(0.05),
+        "degree": np.array(4),
+        "free_b": np.bool_(True),
+    }
+    assert ankleloop.identify(trial, "pr-moesp", **options) == ankleloop.identify(
+        trial, "pr-moesp", **plain
+    )
     parsed = MoespOptions.parse("the method", order=np.float32(3.0))
     assert type(parsed.order) is int

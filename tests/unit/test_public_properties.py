@@ -29,7 +29,9 @@ seeds = st.integers(0, 2**32 - 1)
 
 def draw_signals(seed, channels=3, samples=SAMPLES):
     """Signals of a slow random walk, which no check refuses."""
-    return np.cumsum(np.random.default_rng(seed).standard_normal((channels, samples)), axis=1) * 1e-3
+    return (
+        np.cumsum(np.random.default_rng(seed).standard_normal((channels, samples)), axis=1) * 1e-3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +43,11 @@ def trial():
 
 
 @few
-@given(seeds, st.sampled_from(["f8", "f4", "i2"]), st.sampled_from(["list", "row", "column", "masked", "series"]))
+@given(
+    seeds,
+    st.sampled_from(["f8", "f4", "i2"]),
+    st.sampled_from(["list", "row", "column", "masked", "series"]),
+)
 def test_a_trial_has_the_numbers_of_its_arrays_whatever_holds_them(seed, kind, holder):
     position, torque, reference = draw_signals(seed)
     # Counts of a converter; a position of a radian from one sample to the next would be refused.
@@ -78,7 +84,10 @@ def test_segments_side_by_side_are_the_segment_of_both(seed, edges):
     position, torque = draw_signals(seed, 2, SAMPLES + 10)
     trial = new_trial(position, torque, RATE)
     whole = segment(trial, first / RATE, last / RATE)
-    parts = [segment(trial, *(edge / RATE for edge in ends)) for ends in ((first, middle), (middle, last))]
+    parts = [
+        segment(trial, *(edge / RATE for edge in ends))
+        for ends in ((first, middle), (middle, last))
+    ]
     assert xr.concat(parts, dim="time").equals(whole)
     assert segment(whole, middle / RATE, 1e9).equals(parts[1])
 
@@ -125,4 +134,8 @@ def test_an_identification_changes_nothing_and_options_have_their_defaults(trial
 def test_the_order_of_merged_trials_does_not_change_the_verdict():
     trials = [simulate(seed=seed, duration=10.0) for seed in (1, 2, 3)]
     check, expected = check_trial(trials[::-1]), check_trial(trials)
-    assert (check.verdict, check.loop, check.methods) == (expected.verdict, expected.loop, expected.methods)
+    assert (check.verdict, check.loop, check.methods) == (
+        expected.verdict,
+        expected.loop,
+        expected.methods,
+    )

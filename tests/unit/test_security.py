@@ -40,7 +40,9 @@ def test_a_pickle_is_no_recording_under_any_name(tmp_path, suffix):
 
 def test_a_tag_of_python_in_a_configuration_is_refused_and_not_run(tmp_path):
     mark, path = tmp_path / "mark", tmp_path / "config.yaml"
-    path.write_text(f"run: !!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.Path ['{mark}']]\n")
+    path.write_text(
+        f"run: !!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.Path ['{mark}']]\n"
+    )
     with pytest.raises(WorkflowError, match="not valid"):
         load_configfile(path)
     assert not mark.exists()
@@ -51,9 +53,15 @@ def test_a_tag_of_python_in_a_configuration_is_refused_and_not_run(tmp_path):
 def test_a_template_in_a_configuration_is_refused(tmp_path):
     """The command that SECURITY.md names says so without running it; Snakemake runs it before the workflow looks."""
     mark, path = tmp_path / "mark", tmp_path / "config.yaml"
-    content = {"__use_yte__": True, "__definitions__": [f"open({str(mark)!r}, 'w').close()"], "run": ["table1"]}
+    content = {
+        "__use_yte__": True,
+        "__definitions__": [f"open({str(mark)!r}, 'w').close()"],
+        "run": ["table1"],
+    }
     path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
-    with pytest.raises(ConfigError, match=r"line 1: with the key __use_yte__ Snakemake runs Python code"):
+    with pytest.raises(
+        ConfigError, match=r"line 1: with the key __use_yte__ Snakemake runs Python code"
+    ):
         check_config_file(path)
     command = [sys.executable, "-m", "ankleloop.studies.checking", path]
     process = subprocess.run(command, capture_output=True, text=True)

@@ -12,7 +12,9 @@ from job import running
 with running(snakemake):
     study, arguments = snakemake.wildcards.study, snakemake.params.arguments
     if snakemake.params.simulation:
-        trials = simulate_trials(study, precision=arguments["precision"], **snakemake.params.simulation)
+        trials = simulate_trials(
+            study, precision=arguments["precision"], **snakemake.params.simulation
+        )
     else:
         trials = read_trials(snakemake.input.trials, arguments["conditions"])
     with locate_errors(", ".join(snakemake.input)):

@@ -7,7 +7,13 @@ import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
 from ankleloop.paper.ledger import read_conclusions
-from ankleloop.studies.results import collect_results, read_provenance, read_run_times, read_tables, write_crate
+from ankleloop.studies.results import (
+    collect_results,
+    read_provenance,
+    read_run_times,
+    read_tables,
+    write_crate,
+)
 from ankleloop.trials.files import atomic_file
 
 from job import running
@@ -36,4 +42,6 @@ with running(snakemake):
         write_text(path, render_ledger(ledger))
     times = read_run_times(logs, snakemake.params.jobs)
     results = collect_results(folder, studies, times, provenance, ledger)
-    write_text(output.index, render_index(results, ledger, read_conclusions(snakemake.input.conclusions)))
+    write_text(
+        output.index, render_index(results, ledger, read_conclusions(snakemake.input.conclusions))
+    )

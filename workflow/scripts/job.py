@@ -14,7 +14,11 @@ log = logging.getLogger("ankleloop")
 def running(snakemake):
     """Send the log to the log file of the job; an error is one line on the terminal, and its trace is in the log."""
     logging.basicConfig(
-        filename=str(snakemake.log), filemode="w", format="%(asctime)s %(message)s", level=logging.INFO, force=True
+        filename=str(snakemake.log),
+        filemode="w",
+        format="%(asctime)s %(message)s",
+        level=logging.INFO,
+        force=True,
     )
     start = time.monotonic()
     try:

@@ -37,7 +37,9 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
     matplotlib.get_cachedir()
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/executed.ipynb"
-        papermill.execute_notebook(notebook, path, parameters, kernel_name="python3", progress_bar=False)
+        papermill.execute_notebook(
+            notebook, path, parameters, kernel_name="python3", progress_bar=False
+        )
         executed = nbformat.read(path, as_version=4)
     for number, cell in enumerate(executed.cells):
         cell["id"] = f"cell-{number}"  # papermill gives the cell of the parameters a random one
@@ -60,15 +62,24 @@ def describe_failures_of(study: Mapping) -> str:
 
 def write_captions(captions: Mapping[bytes, str], folder: Path) -> None:
     """Captions of the figures in a folder by their names; a notebook of a user may show a figure without one."""
-    names = {path.stem: captions.get(path.read_bytes(), "") for path in sorted(folder.glob("*.png"))}
-    (folder / "captions.json").write_text(json.dumps(names, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    names = {
+        path.stem: captions.get(path.read_bytes(), "") for path in sorted(folder.glob("*.png"))
+    }
+    (folder / "captions.json").write_text(
+        json.dumps(names, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
 
 
 with running(snakemake):
     notebook, parameters = snakemake.input.notebook, dict(snakemake.params.parameters)
-    study = parameters.get("study")  # the article shows several, each of which has a page of its own
+    study = parameters.get(
+        "study"
+    )  # the article shows several, each of which has a page of its own
     check_parameters(notebook, parameters)
-    diagrams = [snakemake.input.get("diagrams", ()), snakemake.output.get("diagrams", ())]  # of the article
+    diagrams = [
+        snakemake.input.get("diagrams", ()),
+        snakemake.output.get("diagrams", ()),
+    ]  # of the article
     for source, path in zip(*diagrams, strict=True):
         shutil.copyfile(source, path)
     if snakemake.output.get("figures"):  # a folder, which the notebook fills
@@ -81,6 +92,8 @@ with running(snakemake):
     log.info("executed %s", notebook)
     report = next(path for path in snakemake.output if path.endswith(".html"))
     with atomic_file(report, overwrite=True) as path:
-        note, title = (describe_failures_of(study), study["title"]) if study else ("", parameters["title"])
+        note, title = (
+            (describe_failures_of(study), study["title"]) if study else ("", parameters["title"])
+        )
         page = render_page(title, body, note=note, index="../index.html" if study else "index.html")
         path.write_text(page, encoding="utf-8")

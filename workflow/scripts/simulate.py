@@ -18,8 +18,12 @@ with running(snakemake):
             yield trial
 
     conditions = arguments["conditions"].items()
-    index = [(name, number) for name, part in conditions for number in range(part["first"], part["stop"])]
-    save_trials(simulate(), snakemake.output.trials, index, snakemake.params.precision, overwrite=True)
+    index = [
+        (name, number) for name, part in conditions for number in range(part["first"], part["stop"])
+    ]
+    save_trials(
+        simulate(), snakemake.output.trials, index, snakemake.params.precision, overwrite=True
+    )
     for point, reasons in failed.items():
         text = f"{len(reasons)} trials could not be simulated, {reasons[0]}"
         print(f"study {study}, point {point}: {text}", file=sys.stderr)

@@ -28,7 +28,9 @@ with running(snakemake):
     economy = measure_economy(trials, snakemake.params.options)
     write_csv(economy, snakemake.output.economy, overwrite=True)
     studies = {}
-    for path, (name, description) in zip(snakemake.input.tables, snakemake.params.studies.items(), strict=True):
+    for path, (name, description) in zip(
+        snakemake.input.tables, snakemake.params.studies.items(), strict=True
+    ):
         studies[name] = StudyResults(name=name, table=read_trial_table(path), **description)
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
     ledger = verify(published, studies, economy)

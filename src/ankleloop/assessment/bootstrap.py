@@ -161,7 +161,9 @@ def block_bootstrap(
     for _ in range(repetitions):
         # Blocks of the residual, whose end continues at its start.
         starts = rng.integers(0, residual.size, -(-residual.size // length))
-        blocks = residual[(starts[:, None] + np.arange(length)).ravel()[: residual.size] % residual.size]
+        blocks = residual[
+            (starts[:, None] + np.arange(length)).ravel()[: residual.size] % residual.size
+        ]
         resampled = _change_torque(original, time, rate, blocks - blocks.mean() - residual)
         try:
             rows.append(_sample_row(resampled, identify(resampled, method, **options)))
@@ -178,17 +180,29 @@ def block_bootstrap(
     return Bootstrap(estimate, samples, failed)
 
 
-def _change_torque(trial: PreparedTrial, time: np.ndarray, rate: float, change: np.ndarray) -> PreparedTrial:
+def _change_torque(
+    trial: PreparedTrial, time: np.ndarray, rate: float, change: np.ndarray
+) -> PreparedTrial:
     """The trial with a change of its torque, which is given at the identification rate."""
     dataset = trial.trial
     first = round((time[0] - float(dataset["time"][0])) * trial.rate)
-    recorded_change = resample_poly(change, decimation_factor(trial.rate, rate), 1)[: dataset.sizes["time"] - first]
+    recorded_change = resample_poly(change, decimation_factor(trial.rate, rate), 1)[
+        : dataset.sizes["time"] - first
+    ]
     torque = dataset["torque"].values.copy()
     torque[first : first + recorded_change.size] += recorded_change
-    others = {name: dataset[name] for name in dataset.data_vars if not str(name).startswith("torque")}
-    return prepare(xr.Dataset({**others, "torque": dataset["torque"].copy(data=torque)}, attrs=dataset.attrs))
+    others = {
+        name: dataset[name] for name in dataset.data_vars if not str(name).startswith("torque")
+    }
+    return prepare(
+        xr.Dataset({**others, "torque": dataset["torque"].copy(data=torque)}, attrs=dataset.attrs)
+    )
 
 
 def _sample_row(trial: PreparedTrial, estimate: Estimate) -> dict[str, float]:
     scores = evaluate(trial, estimate, against="measured")
-    return {**estimate.stiffness, **estimate.reflex, **{f"vaf_{row.torque}": row.vaf for row in scores.itertuples()}}
+    return {
+        **estimate.stiffness,
+        **estimate.reflex,
+        **{f"vaf_{row.torque}": row.vaf for row in scores.itertuples()},
+    }

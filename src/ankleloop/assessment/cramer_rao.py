@@ -89,12 +89,16 @@ def cramer_rao(
     >>> sorted(bound)
     ['B', 'G', 'I', 'K', 'omega_n', 'zeta']
     """
-    rate = check_number("cramer_rao", "identification_rate", identification_rate, "Hz", ge=1, le=10000)
+    rate = check_number(
+        "cramer_rao", "identification_rate", identification_rate, "Hz", ge=1, le=10000
+    )
     check_flag("cramer_rao", "fed_back", fed_back)
     check_flag("cramer_rao", "known_delay", known_delay)
     values = SimulationSettings.parse("cramer_rao", **settings)
     clean = prepare(_simulate_clean(seed, values))
-    names, information = fisher_information(clean, values, rate, fed_back=fed_back, known_delay=known_delay)
+    names, information = fisher_information(
+        clean, values, rate, fed_back=fed_back, known_delay=known_delay
+    )
     deviations = np.sqrt(np.diag(invert_information(information, names)))
     return dict(zip(names, deviations.tolist(), strict=True))
 
@@ -144,7 +148,9 @@ def fisher_information(
             )
     regressors = clean.regressors(delay=settings.delay, basis="rectifier", identification_rate=rate)
     band = pass_band(regressors.torque.size, regressors.rate)
-    names, derivatives = _derivatives(band.transform(regressors.inputs.T), band.s, settings, known_delay)
+    names, derivatives = _derivatives(
+        band.transform(regressors.inputs.T), band.s, settings, known_delay
+    )
     if spectrum is None and settings.snr_db is None and settings.voluntary == 0:
         return names, np.diag(np.where(np.abs(derivatives).any(axis=1), np.inf, 0.0))
     if spectrum is None:
@@ -159,7 +165,9 @@ def fisher_information(
     return names, information
 
 
-def _simulate_clean(seed: int | np.random.SeedSequence, settings: SimulationSettings, **changes: float) -> xr.Dataset:
+def _simulate_clean(
+    seed: int | np.random.SeedSequence, settings: SimulationSettings, **changes: float
+) -> xr.Dataset:
     """The trial of a bound without its random disturbances."""
     return simulate(seed=seed, **{**dict(settings), "snr_db": None, "voluntary": 0.0, **changes})
 
@@ -174,7 +182,10 @@ def _derivatives(
     dynamics = ReflexDynamics(settings.omega_n, settings.zeta, settings.pole)
     response, relative = dynamics.response(s)
     gain = settings.reflex_gain
-    slopes = [gain * derivative / value for derivative, value in zip(relative, dynamics.values.values(), strict=True)]
+    slopes = [
+        gain * derivative / value
+        for derivative, value in zip(relative, dynamics.values.values(), strict=True)
+    ]
     reflex = [inputs[3] * derivative for derivative in (response, *slopes)]
     names = ["K", "B", "I", "G", *dynamics.values]
     if not known_delay:
@@ -185,28 +196,44 @@ def _derivatives(
 
 def _spectral_slopes(s: np.ndarray, settings: SimulationSettings, known_delay: bool) -> np.ndarray:
     """Derivatives of ln |S|² with respect to the same parameters; S = 1 / (1 + F H)."""
-    compliance = 1.0 / (settings.load_inertia * s**2 + settings.load_viscosity * s + settings.load_stiffness)
+    compliance = 1.0 / (
+        settings.load_inertia * s**2 + settings.load_viscosity * s + settings.load_stiffness
+    )
     motion = np.array([np.ones_like(s), s, s**2, MEAN_SLOPE * s * np.exp(-s * settings.delay)])
     derivatives = _derivatives(motion, s, settings, known_delay)[1]
-    values = np.array([settings.stiffness, settings.viscosity, settings.inertia, settings.reflex_gain])
+    values = np.array(
+        [settings.stiffness, settings.viscosity, settings.inertia, settings.reflex_gain]
+    )
     stiffness = values @ derivatives[:4]
     return -2.0 * np.real(derivatives * compliance / (1.0 + stiffness * compliance))
 
 
-def disturbance_spectrum(frequency: np.ndarray, level: float, settings: SimulationSettings) -> np.ndarray:
+def disturbance_spectrum(
+    frequency: np.ndarray, level: float, settings: SimulationSettings
+) -> np.ndarray:
     """Power spectral density of the voluntary torque and the measurement noise of a simulation.
 
     Shapes: frequency (F,); returns (F,).
     """
-    rate, noise_rate, cutoff = settings.recording_rate, settings.noise_rate, settings.antialias_cutoff
+    rate, noise_rate, cutoff = (
+        settings.recording_rate,
+        settings.noise_rate,
+        settings.antialias_cutoff,
+    )
 
     def voluntary(f: np.ndarray) -> np.ndarray:
-        return _bessel_power(2, np.tan(np.pi * f / rate) / np.tan(np.pi * settings.voluntary_cutoff / rate))
+        return _bessel_power(
+            2, np.tan(np.pi * f / rate) / np.tan(np.pi * settings.voluntary_cutoff / rate)
+        )
 
     def noise(f: np.ndarray) -> np.ndarray:
-        return np.sinc(f / noise_rate) ** 2 * (1.0 if cutoff is None else _bessel_power(ANTIALIAS_ORDER, f / cutoff))
+        return np.sinc(f / noise_rate) ** 2 * (
+            1.0 if cutoff is None else _bessel_power(ANTIALIAS_ORDER, f / cutoff)
+        )
 
-    density = (settings.voluntary * level) ** 2 * voluntary(frequency) / _integrate(voluntary, 0.5 * rate)
+    density = (
+        (settings.voluntary * level) ** 2 * voluntary(frequency) / _integrate(voluntary, 0.5 * rate)
+    )
     if settings.snr_db is None:
         return density
     power = 0.5 * noise_rate if cutoff is None else _integrate(noise, 20 * noise_rate)
@@ -278,7 +305,9 @@ def trajectory_bound(
     >>> bound["K"].dims, bool(bound["K_mean"] < bound["K"].min())
     (('phase',), True)
     """
-    rate = check_number("trajectory_bound", "identification_rate", identification_rate, "Hz", ge=1, le=10000)
+    rate = check_number(
+        "trajectory_bound", "identification_rate", identification_rate, "Hz", ge=1, le=10000
+    )
     check_flag("trajectory_bound", "known_delay", known_delay)
     counts = RivTvOptions.parse("trajectory_bound", knots=knots).knots
     values = SimulationSettings.parse("trajectory_bound", **settings)
@@ -289,7 +318,9 @@ def trajectory_bound(
             "set variation (the bound of a constant joint is that of cramer_rao), reflex_threshold=0, and snr_db or "
             "voluntary."
         )
-    equations, parameters, information = trajectory_information(seed, values, counts, rate, known_delay=known_delay)
+    equations, parameters, information = trajectory_information(
+        seed, values, counts, rate, known_delay=known_delay
+    )
     bases, course = equations.bases, equations.course
     covariance = invert_information(information)
     places = np.linspace(0.0, 1.0, PLACES)
@@ -297,7 +328,10 @@ def trajectory_bound(
     bound = xr.Dataset(coords={course.dimension: low + (high - low) * places})
     for name, splines, block in zip("KBG", bases.all, bases.blocks, strict=False):
         weights = splines(places)
-        bound[name] = course.dimension, np.sqrt(np.einsum("ij,jk,ik->i", weights, covariance[block, block], weights))
+        bound[name] = (
+            course.dimension,
+            np.sqrt(np.einsum("ij,jk,ik->i", weights, covariance[block, block], weights)),
+        )
         mean = weights[:-1].mean(axis=0)
         bound[f"{name}_mean"] = np.sqrt(mean @ covariance[block, block] @ mean)
     deviations = np.sqrt(np.diag(covariance))
@@ -306,7 +340,10 @@ def trajectory_bound(
         bound[name] = deviation * (parameters.dynamics.values[name] if name in LOGARITHMIC else 1.0)
     for variable, curve in bound.data_vars.items():
         quantity = QUANTITIES[str(variable).removesuffix("_mean")]
-        curve.attrs = {"units": quantity.unit, "long_name": f"smallest standard deviation of the {quantity.name}"}
+        curve.attrs = {
+            "units": quantity.unit,
+            "long_name": f"smallest standard deviation of the {quantity.name}",
+        }
     return bound
 
 
@@ -326,11 +363,20 @@ def trajectory_information(
     dynamics, and the delay [s].
     """
     clean = prepare(_simulate_clean(seed, settings))
-    given = {"identification_rate": rate, "delay": settings.delay, "knots": knots, **COURSES[str(settings.variation)]}
-    equations = TimeVaryingEquations(clean, RivTvOptions.parse("trajectory_bound", reference="position", **given))
+    given = {
+        "identification_rate": rate,
+        "delay": settings.delay,
+        "knots": knots,
+        **COURSES[str(settings.variation)],
+    }
+    equations = TimeVaryingEquations(
+        clean, RivTvOptions.parse("trajectory_bound", reference="position", **given)
+    )
     bases, course = equations.bases, equations.course
     linear = np.zeros(bases.size)  # without an inertia, of which nothing else depends
-    for name, splines, block in zip(TRAJECTORY_TRUTHS.values(), bases.all, bases.blocks, strict=False):
+    for name, splines, block in zip(
+        TRAJECTORY_TRUTHS.values(), bases.all, bases.blocks, strict=False
+    ):
         truth = clean.channel(name, equations.grid)[course.rows]
         linear[block] = np.linalg.lstsq(splines(course.place[course.rows]), truth, rcond=1e-12)[0]
     dynamics = ReflexDynamics(settings.omega_n, settings.zeta, settings.pole)

@@ -126,7 +126,9 @@ def _whiteness(power: np.ndarray, band: Band) -> float:
     groups = np.array_split(power, GROUPS)
     sizes = np.array([group.size for group in groups])
     freedom = 2.0 * sizes / _band_scatter(band, sizes)
-    unevenness = freedom.sum() * np.log(power.mean()) - freedom @ np.log([group.mean() for group in groups])
+    unevenness = freedom.sum() * np.log(power.mean()) - freedom @ np.log(
+        [group.mean() for group in groups]
+    )
     correction = 1.0 + (np.sum(1.0 / freedom) - 1.0 / freedom.sum()) / (3.0 * (GROUPS - 1))
     return float(special.chdtrc(GROUPS - 1, unevenness / correction))
 
@@ -138,7 +140,10 @@ def _band_scatter(band: Band, sizes: np.ndarray) -> float:
     """
     transform = np.abs(np.fft.rfft(band.taper**2)[: sizes.min()]) ** 2
     distance = np.arange(1, transform.size)
-    within = 1.0 + 2.0 * np.mean([(1.0 - distance / size) @ transform[1:] for size in sizes]) / transform[0]
+    within = (
+        1.0
+        + 2.0 * np.mean([(1.0 - distance / size) @ transform[1:] for size in sizes]) / transform[0]
+    )
     return (sizes.size * within - band.correlation) / (sizes.size - 1)
 
 
@@ -151,4 +156,8 @@ def _relation(band: Band, residual: np.ndarray, signal: np.ndarray, times: np.nd
     # The taper weights white noise over the record; so the expectation of its products with the basis is known.
     energy = np.sum(band.signals(basis) ** 2, axis=0)
     expectation = 0.25 * band.samples**2 * np.average(energy, weights=band.taper**2) / signal.size
-    return float(special.betaincc(0.5 * times.size, 0.5 * times.size * (1.0 / expectation - 1.0), min(share, 1.0)))
+    return float(
+        special.betaincc(
+            0.5 * times.size, 0.5 * times.size * (1.0 / expectation - 1.0), min(share, 1.0)
+        )
+    )

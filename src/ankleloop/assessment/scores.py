@@ -21,9 +21,17 @@ from ankleloop.signals.vaf import vaf, vaf_with_interval
 
 CORRELATED = 1.0  # s: over this the squares of torques may be correlated
 DIAGNOSTICS = ("order", "spectral_radius", "passes", "converged", "stable", "reference", "cycles")
-TRAJECTORY_TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}  # variables of a trial
+TRAJECTORY_TRUTHS = {
+    "K": "stiffness_true",
+    "B": "viscosity_true",
+    "G": "reflex_gain_true",
+}  # variables of a trial
 TORQUE_TRUTHS = ("torque_intrinsic", "torque_reflex", "torque_noise")
-DIMENSIONS = {"cycle": "phase", "time": "time", "schedule": "schedule"}  # by the setting `variation`
+DIMENSIONS = {
+    "cycle": "phase",
+    "time": "time",
+    "schedule": "schedule",
+}  # by the setting `variation`
 PLACES = 101  # at which parameters that an estimate takes as constant are scored
 LEVELS = (0.1, 0.9)  # shares of a step between which its rise is timed
 JUMP = 0.5  # share of the range of a trajectory that is a jump if it lies between two places
@@ -81,23 +89,35 @@ def evaluate(
     check_choice("evaluate", "against", against, ("measured", None))
     check_flag("evaluate", "intervals", intervals)
     rows = list(score_torques(prepare(trial), estimate, against, trim=trim, intervals=intervals))
-    return pd.DataFrame(rows, columns=["torque", "against", "vaf", *(("low", "high") if intervals else ())])
+    return pd.DataFrame(
+        rows, columns=["torque", "against", "vaf", *(("low", "high") if intervals else ())]
+    )
 
 
 def score_torques(
-    prepared: PreparedTrial, estimate: Estimate, against: str | None, *, trim: float = TRIM, intervals: bool = True
+    prepared: PreparedTrial,
+    estimate: Estimate,
+    against: str | None,
+    *,
+    trim: float = TRIM,
+    intervals: bool = True,
 ) -> Iterator[tuple[Any, ...]]:
     """Rows of `evaluate`; a table of each trial would take most of the time."""
     inside, time, rate = _scored_samples(estimate, trim)
     recorded, tolerance = prepared.time, 0.5 / prepared.rate
-    if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:  # of another trial, or of more of it
+    if (
+        time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance
+    ):  # of another trial, or of more of it
         raise DataError(
             f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
             "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
         )
     targets = list(product(TORQUES, ["measured"], [prepared.channel_at("torque", time, rate)]))
     if against is None and {"torque_intrinsic", "torque_reflex"} <= set(prepared.trial.data_vars):
-        truths = {part: prepared.channel_at(f"torque_{part}", time, rate) for part in ("intrinsic", "reflex")}
+        truths = {
+            part: prepared.channel_at(f"torque_{part}", time, rate)
+            for part in ("intrinsic", "reflex")
+        }
         parts = [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
         targets = [targets[0], ("net", "true", truths["intrinsic"] + truths["reflex"]), *parts]
     for torque, kind, signal in targets:
@@ -109,12 +129,18 @@ def score_torques(
 def _scored_samples(estimate: Estimate, trim: float) -> tuple[slice, np.ndarray, float]:
     """The samples of an estimate that are scored, the times of all samples [s] and their rate [Hz]."""
     if not isinstance(estimate, Estimate):
-        raise TypeError(f"estimate must be an Estimate, as identify returns it, got {show_value(estimate)}.")
+        raise TypeError(
+            f"estimate must be an Estimate, as identify returns it, got {show_value(estimate)}."
+        )
     trim = check_number("evaluate", "trim", trim, "s", ge=0, le=1e6)
     time = estimate.torque.variables["time"].values
-    inside = slice(np.searchsorted(time, time[0] + trim), np.searchsorted(time, time[-1] - trim, side="right"))
+    inside = slice(
+        np.searchsorted(time, time[0] + trim), np.searchsorted(time, time[-1] - trim, side="right")
+    )
     if inside.stop - inside.start < 2:
-        raise DataError(f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s.")
+        raise DataError(
+            f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s."
+        )
     return inside, time, estimate.torque.attrs["identification_rate"]
 
 
@@ -124,7 +150,9 @@ def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
     Decimation removes more of the noise than of the torque, so this ratio is above that of the recorded signal.
     """
     inside, time, rate = _scored_samples(estimate, TRIM)
-    intrinsic, reflex, noise = (trial.channel_at(name, time, rate)[inside] for name in TORQUE_TRUTHS)
+    intrinsic, reflex, noise = (
+        trial.channel_at(name, time, rate)[inside] for name in TORQUE_TRUTHS
+    )
     return float(10 * np.log10(np.var(intrinsic + reflex) / np.var(noise)))
 
 
@@ -134,15 +162,22 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     row: dict[str, Any] = _list_parameters(estimate)
     if estimate.intervals and estimate.diagnostics.get("intervals"):
         row["intervals"] = estimate.diagnostics["intervals"]
-    if set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars) and np.ptp(prepared.samples["torque_noise"]) > 0:
+    if (
+        set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars)
+        and np.ptp(prepared.samples["torque_noise"]) > 0
+    ):
         row["in_band_snr_db"] = in_band_snr(prepared, estimate)
-    row |= {name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics}
+    row |= {
+        name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics
+    }
     settings = prepared.trial.attrs if "torque_reflex" in prepared.trial else {}
     if {"omega_n", "zeta"} <= set(settings) and "poles" in estimate.diagnostics:
         row |= _pole_error(np.asarray(estimate.diagnostics["poles"]), estimate, settings)
     if selection := estimate.diagnostics.get("selection"):
         chosen = selection["chosen"].items()
-        scores = next(found["scores"] for found in selection["candidates"] if chosen <= found.items())
+        scores = next(
+            found["scores"] for found in selection["candidates"] if chosen <= found.items()
+        )
         row |= {f"unseen_{name.replace('-', '_')}": score for name, score in scores.items()}
     if "variation_p" in estimate.diagnostics:
         row["variation_p"] = estimate.diagnostics["variation_p"]["all"]
@@ -159,21 +194,33 @@ def _list_parameters(estimate: Estimate) -> dict[str, float]:
     return values
 
 
-def _pole_error(poles: np.ndarray, estimate: Estimate, settings: Mapping[str, Any]) -> dict[str, float]:
+def _pole_error(
+    poles: np.ndarray, estimate: Estimate, settings: Mapping[str, Any]
+) -> dict[str, float]:
     """Largest distance between a pole and the true one that it stands for; none for a model of another order."""
     dynamics = ReflexDynamics(settings["omega_n"], settings["zeta"], settings.get("pole"))
     truth = np.linalg.eigvals(dynamics.matrices(estimate.torque.attrs["identification_rate"])[0])
     if poles.size != truth.size:
         return {}
-    return {"pole_error": min(float(np.abs(poles - order).max()) for order in map(np.array, permutations(truth)))}
+    return {
+        "pole_error": min(
+            float(np.abs(poles - order).max()) for order in map(np.array, permutations(truth))
+        )
+    }
 
 
-def true_trajectories(trial: xr.Dataset | PreparedTrial, trajectories: xr.Dataset | None = None) -> xr.Dataset | None:
+def true_trajectories(
+    trial: xr.Dataset | PreparedTrial, trajectories: xr.Dataset | None = None
+) -> xr.Dataset | None:
     """True K, B and G of a simulated trial over what they vary with."""
     prepared = prepare(trial)
     dimension = DIMENSIONS.get(str(prepared.trial.attrs.get("variation")))
     known = {dimension, *TRAJECTORY_TRUTHS.values()} <= set(map(str, prepared.trial.variables))
-    if dimension is None or not known or (trajectories is not None and dimension not in trajectories.dims):
+    if (
+        dimension is None
+        or not known
+        or (trajectories is not None and dimension not in trajectories.dims)
+    ):
         return None
     place = prepared.samples[dimension] - (prepared.time[0] if dimension == "time" else 0.0)
     if trajectories is None:
@@ -184,7 +231,10 @@ def true_trajectories(trial: xr.Dataset | PreparedTrial, trajectories: xr.Datase
     order = np.argsort(place, kind="stable")
     period = 1.0 if dimension == "phase" else None
     values = {
-        name: (dimension, np.interp(coordinate, place[order], prepared.samples[variable][order], period=period))
+        name: (
+            dimension,
+            np.interp(coordinate, place[order], prepared.samples[variable][order], period=period),
+        )
         for name, variable in TRAJECTORY_TRUTHS.items()
     }
     return xr.Dataset(values, coords={dimension: coordinate})
@@ -200,12 +250,20 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
     truths = true_trajectories(prepared, estimate.trajectories)
     if truths is None:
         return {}
-    values = estimate.trajectories if estimate.trajectories is not None else _list_parameters(estimate)
+    values = (
+        estimate.trajectories if estimate.trajectories is not None else _list_parameters(estimate)
+    )
     row: dict[str, float] = {}
     for name, truth in truths.items():
-        curves = [np.broadcast_to(values[f"{name}{end}"], truth.shape) for end in ENDS if f"{name}{end}" in values]
+        curves = [
+            np.broadcast_to(values[f"{name}{end}"], truth.shape)
+            for end in ENDS
+            if f"{name}{end}" in values
+        ]
         if curves:
-            row |= {f"{name}_{score}": value for score, value in _score(truth.values, *curves).items()}
+            row |= {
+                f"{name}_{score}": value for score, value in _score(truth.values, *curves).items()
+            }
             rise = _mean_rise(truth, curves[0], prepared.trial.attrs)
             row |= {f"{name}_rise": rise} if np.isfinite(rise) else {}
     return row
@@ -217,7 +275,10 @@ def _score(truth: np.ndarray, curve: np.ndarray, *band: np.ndarray) -> dict[str,
     if not shown.any() or mean == 0:
         return {}
     error = (curve - truth)[shown]
-    row = {"nrmse": 100.0 * float(np.sqrt(np.mean(error**2))) / mean, "bias": 100.0 * float(error.mean()) / mean}
+    row = {
+        "nrmse": 100.0 * float(np.sqrt(np.mean(error**2))) / mean,
+        "bias": 100.0 * float(error.mean()) / mean,
+    }
     if band and np.isfinite(band[0][shown]).all():
         row["covered"] = 100.0 * float(np.mean(((band[0] <= truth) & (truth <= band[1]))[shown]))
     return row
@@ -258,5 +319,8 @@ def _rise(coordinate: np.ndarray, share: np.ndarray, jump: int) -> float:
     if below.size == 0 or above.size == 0:
         return np.nan
     steps = slice(below[-1], below[-1] + 2), slice(above[0] - 1, above[0] + 1)
-    start, stop = (np.interp(level, share[step], coordinate[step]) for level, step in zip(LEVELS, steps, strict=True))
+    start, stop = (
+        np.interp(level, share[step], coordinate[step])
+        for level, step in zip(LEVELS, steps, strict=True)
+    )
     return float(stop - start)

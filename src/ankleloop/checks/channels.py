@@ -17,13 +17,20 @@ CLIPPED_EXCESS = 5.0  # times as many samples there as at the next values
 MINOR = 1.0  # % of the samples: less clipping is only a warning of the recording check
 REST = 1.0  # s at exactly the same value: noise of a sensor moves any channel sooner
 LONG_REST, REST_SHARE = 2.0, 0.2  # s, and share of the record, where no other channel moves either
-MOVEMENT = {"position": 0.5, "torque": 0.1, "reference": 0.1}  # share of its range by which another channel moves
+MOVEMENT = {
+    "position": 0.5,
+    "torque": 0.1,
+    "reference": 0.1,
+}  # share of its range by which another channel moves
 GAP = 0.05  # s on an exactly straight line
 GAP_SHARE, LARGE_GAP_SHARE = 0.01, 0.05  # of the record, in such lines
 SLOPED = 1e-3  # of the usual slope
 ROUNDING = 8.0 * np.finfo(float).eps  # of the largest value
 SPIKE = 0.003  # s on either side
-PARTS = (5, 10)  # fewest and most parts of the record: a perturbation is in most of them, a spike is not
+PARTS = (
+    5,
+    10,
+)  # fewest and most parts of the record: a perturbation is in most of them, a spike is not
 SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
 SPIKE_SIZE = 0.5  # standard deviations of the channel
 VERDICTS = ("ok", "warning", "refused")
@@ -56,7 +63,11 @@ def merge_findings(findings: Sequence[Finding]) -> Finding:
     worst = findings[number]
     if len(findings) == 1:
         return worst
-    place = f"trial {number + 1} of {len(findings)}" if any(verdicts) else f"all {len(findings)} trials pass; the first"
+    place = (
+        f"trial {number + 1} of {len(findings)}"
+        if any(verdicts)
+        else f"all {len(findings)} trials pass; the first"
+    )
     return Finding(worst.name, worst.verdict, f"{place}: {worst.text}")
 
 
@@ -105,8 +116,13 @@ def check_rest(trial: PreparedTrial, name: str) -> Finding:
     repeats = np.flatnonzero(x[1:] == x[:-1])
     starts, lengths = _runs(repeats) if repeats.size else (repeats, repeats)
     long = lengths >= REST * trial.rate - 1
-    rests = [(int(start), int(start + length) + 1) for start, length in zip(starts[long], lengths[long], strict=True)]
-    witness = "position" if name == "torque" else "reference" if "reference" in trial.trial else "torque"
+    rests = [
+        (int(start), int(start + length) + 1)
+        for start, length in zip(starts[long], lengths[long], strict=True)
+    ]
+    witness = (
+        "position" if name == "torque" else "reference" if "reference" in trial.trial else "torque"
+    )
     other = trial.samples[witness]
     # A position that stands still while the torque moves may be a perturbation that pauses.
     share = MOVEMENT["position"] if (name, witness) == ("position", "torque") else MOVEMENT[witness]
@@ -115,7 +131,9 @@ def check_rest(trial: PreparedTrial, name: str) -> Finding:
     if sum(stop - start for start, stop in common) > REST_SHARE * x.size:
         dead = sorted({*dead, *common})
     if not dead:
-        return Finding(f"rest of the {name}", "ok", f"the {name} does not stand still for {REST:g} s.")
+        return Finding(
+            f"rest of the {name}", "ok", f"the {name} does not stand still for {REST:g} s."
+        )
     samples = sum(stop - start for start, stop in dead)
     start, stop = dead[0]
     time = trial.samples["time"]
@@ -164,7 +182,10 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     The height of a peak is the geometric mean of the two changes from 3 ms before it and to 3 ms after it; it is
     compared with the median of the largest peaks of ten parts of the record.
     """
-    x, ok = trial.samples[name], Finding(f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE:g} ms stands out.")
+    x, ok = (
+        trial.samples[name],
+        Finding(f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE:g} ms stands out."),
+    )
     reach = max(1, round(SPIKE * trial.rate))
     here = x[reach:-reach]
     products = (here - x[: -2 * reach]) * (here - x[2 * reach :])  # positive at a peak
@@ -176,7 +197,11 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     if not largest > SPIKE_EXCESS**2 * usual or not height > SPIKE_SIZE * float(np.std(x)):
         return ok
     sample = int(np.argmax(products)) + reach
-    excess = f", {height / np.sqrt(usual):.2g} times as high as other peaks of this length" if usual > 0 else ""
+    excess = (
+        f", {height / np.sqrt(usual):.2g} times as high as other peaks of this length"
+        if usual > 0
+        else ""
+    )
     text = (
         f"the {name} has a spike of about {height:.2g} {CHANNEL_UNITS[name]} at "
         f"{_place(trial, sample)}{excess}: it acts on K, B, I and G like a blow that nobody "

@@ -12,14 +12,19 @@ from ankleloop.joint.time_varying_course import Course
 
 LOCKED = 0.3  # share of the perturbation that has to differ from cycle to cycle
 ROUNDS = 5
-MOVEMENT_BAND, FLOOR_BAND = (0.6, 1.5), (2.0, 6.0)  # frequencies of a cycle, and those of the perturbation beside it
+MOVEMENT_BAND, FLOOR_BAND = (
+    (0.6, 1.5),
+    (2.0, 6.0),
+)  # frequencies of a cycle, and those of the perturbation beside it
 MOVEMENT_POWER = 8.0  # of a movement over that of the perturbation; by chance up to 5
 SAME_PHASE = 0.9  # length of the mean of unit vectors
 SLOW, LATEST, LATER = 1.0, 1.0, 0.1  # Hz; s; what another time explains more of the movement
 FOLLOWED = 0.3  # of the slow movement, at least, by a schedule that it follows
 
 
-def check_slow_movement(position: np.ndarray, course: Course, rate: float, schedule: str | None) -> list[Finding]:
+def check_slow_movement(
+    position: np.ndarray, course: Course, rate: float, schedule: str | None
+) -> list[Finding]:
     """Finding about cycles or about a scheduling variable; none of a course over time.
 
     Shapes: position (N,).
@@ -33,12 +38,18 @@ def _check_cycles(position: np.ndarray, course: Course, rate: float) -> Finding:
     """Whether the movement has the same phase at all onsets, where there is one."""
     durations = np.bincount(course.segment) / rate
     ends = dict.fromkeys([f"{durations.min():.3g}", f"{durations.max():.3g}"])
-    usable = Finding("cycles", "ok", f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified.")
+    usable = Finding(
+        "cycles",
+        "ok",
+        f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified.",
+    )
     position = position - position.mean()
     starts = course.rows.start + np.flatnonzero(course.since == 0)
     frequency = np.fft.rfftfreq(position.size) * float(np.median(np.diff(starts)))  # per cycle
     power = np.abs(np.fft.rfft(position * np.hanning(position.size))) ** 2
-    band, floor = ((frequency > low) & (frequency < high) for low, high in (MOVEMENT_BAND, FLOOR_BAND))
+    band, floor = (
+        (frequency > low) & (frequency < high) for low, high in (MOVEMENT_BAND, FLOOR_BAND)
+    )
     if np.mean(power[band]) < MOVEMENT_POWER * np.median(power[floor]):
         return usable
     at_onsets = np.fft.ifft(np.where(band, np.fft.rfft(position), 0.0), position.size)[starts]
@@ -59,11 +70,17 @@ def _check_schedule(position: np.ndarray, course: Course, rate: float, schedule:
     movement, place = np.fft.irfft(spectra, position.size)
     reach = round(LATEST * rate)
     middle, lags = slice(reach, -reach), range(-reach, reach + 1)
-    shares = np.array([np.corrcoef(movement[middle], np.roll(place, lag)[middle])[0, 1] ** 2 for lag in lags])
+    shares = np.array(
+        [np.corrcoef(movement[middle], np.roll(place, lag)[middle])[0, 1] ** 2 for lag in lags]
+    )
     best = int(np.argmax(shares))
     if shares[best] < FOLLOWED or shares[reach] > shares[best] - LATER:
         low, high = course.limits
-        return Finding("schedule", "ok", f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile).")
+        return Finding(
+            "schedule",
+            "ok",
+            f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile).",
+        )
     late = (reach - best) / rate
     text = (
         f"the slow movement follows the schedule {abs(late):.2g} s {'earlier' if late > 0 else 'later'} than its "

@@ -38,7 +38,9 @@ class DataUse:
     identification_rate: float = 100.0  # rate of the identification [Hz]
     order: int = 2  # order for which the movement has to be persistently exciting
     block_rows: int = 15  # block rows for which it has to be
-    reference: str | None = None  # variable whose leads or lags are instruments; None for a method that uses none
+    reference: str | None = (
+        None  # variable whose leads or lags are instruments; None for a method that uses none
+    )
 
 
 def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
@@ -52,14 +54,18 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     """
     warnings = []
     for number, trial in enumerate(trials, 1):
-        findings = _find_faults(trial, use.delay, use.identification_rate, use.reference or "reference")
+        findings = _find_faults(
+            trial, use.delay, use.identification_rate, use.reference or "reference"
+        )
         findings = [*findings, *find_reference_faults(trial, use.reference, use.delay)]
         place = f"trial {number} of {len(trials)}: " if len(trials) > 1 else ""
         warnings += [f"{place}{finding.text}" for finding in findings]
     warnings += [finding.text for finding in _check_references(trials, use)]
     if warnings:  # what a fault of a channel excites, or does not, says little
         return warnings
-    velocities = [trial.motion(trial.grid(use.identification_rate, use.delay))[1] for trial in trials]
+    velocities = [
+        trial.motion(trial.grid(use.identification_rate, use.delay))[1] for trial in trials
+    ]
     excitation = check_excitation(velocities, use.order, use.block_rows)
     return [] if excitation.verdict == "ok" else [excitation.text]
 
@@ -97,7 +103,9 @@ def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Findin
 
 
 def _regressors(trial: PreparedTrial, delay: float, rate: float, reference: str) -> Regressors:
-    return trial.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference=reference)
+    return trial.regressors(
+        delay=delay, basis="rectifier", identification_rate=rate, reference=reference
+    )
 
 
 def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Finding]:
@@ -124,7 +132,9 @@ def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Fin
     for record in weak:
         finding = check_reference([record])
         if finding.verdict == "warning" and len(trials) > 1:  # too short alone
-            records = [_regressors(trial, use.delay, use.identification_rate, name) for trial in trials]
+            records = [
+                _regressors(trial, use.delay, use.identification_rate, name) for trial in trials
+            ]
             finding = check_reference(records)
         if finding.verdict == "refused":
             raise DataError(finding.text)
@@ -140,7 +150,9 @@ def refuse_repeated_trials(trials: Sequence[PreparedTrial]) -> None:
     """
     numbers: dict[tuple[int, ...], int] = {}
     for number, trial in enumerate(trials, 1):
-        earlier = numbers.setdefault(tuple(hash(trial.samples[name].tobytes()) for name in REQUIRED), number)
+        earlier = numbers.setdefault(
+            tuple(hash(trial.samples[name].tobytes()) for name in REQUIRED), number
+        )
         if earlier != number:
             raise DataError(
                 f"trials {earlier} and {number} of {len(trials)} are the same record, which would count twice: leave "

@@ -153,14 +153,20 @@ def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
     )
 
 
-def _test_coherence(projection: ReferenceProjection, length: int, rate: float) -> tuple[float, float, float]:
+def _test_coherence(
+    projection: ReferenceProjection, length: int, rate: float
+) -> tuple[float, float, float]:
     """Probability of the coherence if the residuals were unrelated, its mean, and the sign of the power."""
     frequency = np.fft.rfftfreq(length, 1.0 / rate)
-    bins = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], PASSBAND * rate)))[::APART]
+    bins = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], PASSBAND * rate)))[
+        ::APART
+    ]
 
     def transform(parts: Sequence[np.ndarray], channel: int) -> np.ndarray:
         long_enough = [part[:, channel] for part in parts if len(part) >= length]
-        return np.concatenate([segment_spectra(part, length, length)[:, bins] for part in long_enough])
+        return np.concatenate(
+            [segment_spectra(part, length, length)[:, bins] for part in long_enough]
+        )
 
     signals, residuals = projection.signals, projection.residuals
     P, T = (transform(residuals, channel) for channel in (0, MOTION))
@@ -175,7 +181,11 @@ def _test_coherence(projection: ReferenceProjection, length: int, rate: float) -
     # The response of the joint is itself an estimate, which adds to the scatter of the cross spectrum.
     coherence = np.abs(cross) ** 2 / (power_P * power_N) / (1.0 + power_P / explained_power)
     # The response to the reference takes its share of the independent segments.
-    statistic = -2.0 * (len(P) * projection.shrinkage - 1.0) * np.sum(np.log1p(-np.minimum(coherence, 1.0 - 1e-12)))
+    statistic = (
+        -2.0
+        * (len(P) * projection.shrinkage - 1.0)
+        * np.sum(np.log1p(-np.minimum(coherence, 1.0 - 1e-12)))
+    )
     # Velocity leads position by a quarter of a period; its product with the torque is power.
     work_sign = np.real(1j * cross) / np.maximum(np.abs(cross), tiny)
     work = float(-np.sum(coherence * work_sign) / np.sum(coherence))
@@ -184,7 +194,9 @@ def _test_coherence(projection: ReferenceProjection, length: int, rate: float) -
 
 def _bound_bias(projection: ReferenceProjection, length: int) -> tuple[float, float]:
     """Least squares less two-stage least squares for K, and the half width of its 98 % interval [N·m/rad]."""
-    signals, residuals = (np.concatenate(parts) for parts in (projection.signals, projection.residuals))
+    signals, residuals = (
+        np.concatenate(parts) for parts in (projection.signals, projection.residuals)
+    )
     scale = signals[:, :MOTION].std(axis=0)
     motion, torque = signals[:, :MOTION] / scale, signals[:, MOTION]
     explained = motion - residuals[:, :MOTION] / scale
@@ -221,7 +233,9 @@ def fit_stiffness(records: Sequence[Regressors], *, with_reflex: bool = True) ->
         if record.torque.size > lags + 1:
             part = record.inputs[lags:, :MOTION]
             if with_reflex:
-                lagged = np.lib.stride_tricks.sliding_window_view(record.inputs[:, MOTION], lags + 1)
+                lagged = np.lib.stride_tricks.sliding_window_view(
+                    record.inputs[:, MOTION], lags + 1
+                )
                 part = np.column_stack([part, lagged])
             inputs.append(part - part.mean(axis=0))
             torque.append(record.torque[lags:] - record.torque[lags:].mean())
@@ -235,14 +249,17 @@ def check_loop(records: Sequence[Regressors], usable: bool) -> tuple[str, Findin
     """Whether torque feeds back on the position; undecided unless the reference is usable."""
     if not usable:
         text = (
-            "undecided: this cannot be told without a usable reference. Methods for open loop hold only if it is open."
+            "undecided: this cannot be told without a usable reference. Methods for open loop hold only if it is "
+            "open."
         )
         return "undecided", Finding("loop", "warning", text)
     try:
         test = feedback_test(records)
     except DataError as error:
         return "undecided", Finding("loop", "warning", f"undecided: {error}")
-    return test.loop, Finding("loop", "warning" if test.loop == "undecided" else "ok", _describe_loop(test))
+    return test.loop, Finding(
+        "loop", "warning" if test.loop == "undecided" else "ok", _describe_loop(test)
+    )
 
 
 def _describe_loop(test: FeedbackTest) -> str:
@@ -257,8 +274,14 @@ def _describe_loop(test: FeedbackTest) -> str:
             f"{text}, and the torque does work on the load. By this K of a second-order model by least squares is off "
             f"by {test.bias:.3g} % (98 % interval {interval} %)."
         )
-    text += ", but the torque does no work on the load" if test.p_value < LEVEL else ", no more than chance"
-    limit = f"{max(test.limit, SHOWN_BIAS):.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
+    text += (
+        ", but the torque does no work on the load"
+        if test.p_value < LEVEL
+        else ", no more than chance"
+    )
+    limit = (
+        f"{max(test.limit, SHOWN_BIAS):.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
+    )
     if test.loop == "open":
         return f"{text}. Whatever feedback there is biases K by least squares by less than {limit}."
     return (

@@ -19,7 +19,10 @@ from ankleloop.signals.spectra import segment_spectra
 from ankleloop.subspace.hankel import hankel_gram
 from ankleloop.trials.trial import REQUIRED
 
-SMALLEST, LARGEST = 1e-12, 1e12  # rad and N·m: squares of anything beyond leave the range of numbers
+SMALLEST, LARGEST = (
+    1e-12,
+    1e12,
+)  # rad and N·m: squares of anything beyond leave the range of numbers
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave
 LARGEST_POSITION = 1.0  # rad, standard deviation: no joint can move so far
 STIFFNESSES = 0.1, 1e5  # N·m/rad, torque over position: from a finger to a leg that stands
@@ -28,13 +31,21 @@ MODEL = 0.2  # share of the torque that a second-order model must explain before
 UNRELATED, UNRELATED_LIMITS = 1.0, (0.02, 0.1)
 # Share of the position that leads and lags of an unrelated reference explain by chance, in the same way.
 WEAK, WEAK_LIMITS = 5.0, (0.05, 0.15)
-CERTAIN = 0.2  # share that a single lag explains: leads and lags together explain more than the weakest
+CERTAIN = (
+    0.2  # share that a single lag explains: leads and lags together explain more than the weakest
+)
 LEAD, LAG = 0.02, 0.1  # s
 FAST_RATE = 1000.0  # Hz: at half of it nothing is left of a torque
-EDGE, EDGE_SLOPE = 2.5e-4, 0.63  # density at the edge of the band over the largest one, and over that at three quarters
+EDGE, EDGE_SLOPE = (
+    2.5e-4,
+    0.63,
+)  # density at the edge of the band over the largest one, and over that at three quarters
 NOISE_BAND = 45.0  # Hz
 NOISE_SHARE = 0.15  # of the velocity's power: from about there on the reflex gain is off by 15 %
-NOISE_SEGMENT, NOISE_SEGMENTS = 0.5, 30  # s, and about how many of them show the noise of a long record
+NOISE_SEGMENT, NOISE_SEGMENTS = (
+    0.5,
+    30,
+)  # s, and about how many of them show the noise of a long record
 COPY = 1e-6  # share of a channel that its copy leaves
 TINY = np.finfo(float).tiny
 DEPENDENT = 1e-12  # singular value of scaled equations, in units of the largest one
@@ -47,7 +58,9 @@ class MotionProducts:
     """Inner products of position, velocity, acceleration and torque of the decimated samples of a record."""
 
     grid: Grid  # its decimated samples
-    signals: np.ndarray  # shape (4, N): position, velocity, acceleration and torque, each less its mean
+    signals: (
+        np.ndarray
+    )  # shape (4, N): position, velocity, acceleration and torque, each less its mean
     products: np.ndarray  # shape (4, 4): their inner products
     # Shape (3,): K, B and I of a model without a reflex by least squares.
     stiffness: np.ndarray
@@ -58,12 +71,16 @@ class MotionProducts:
 @once
 def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
     """Products of a trial."""
-    signals, products, stiffness, explained = regress_torque([*trial.motion(grid), trial.channel("torque", grid)])
+    signals, products, stiffness, explained = regress_torque(
+        [*trial.motion(grid), trial.channel("torque", grid)]
+    )
     position, *_, torque = np.sqrt(products.diagonal() / grid.samples).tolist()
     return MotionProducts(grid, signals, products, stiffness, explained, (position, torque))
 
 
-def regress_torque(signals: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def regress_torque(
+    signals: Sequence[np.ndarray],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Least squares of the last signal, the torque, on the others, which differ in unit; what is not shown is zero.
 
     Shapes: signals (N,); returns the signals less their means (n + 1, N), their products (n + 1, n + 1), coefficients
@@ -73,7 +90,9 @@ def regress_torque(signals: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarra
     products = deviations @ deviations.T
     normal, right = products[:-1, :-1], products[:-1, -1]
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), TINY))
-    values = scale * np.linalg.lstsq(normal * scale[:, None] * scale, right * scale, rcond=DEPENDENT)[0]
+    values = (
+        scale * np.linalg.lstsq(normal * scale[:, None] * scale, right * scale, rcond=DEPENDENT)[0]
+    )
     return deviations, products, values, float(right @ values / products[-1, -1])
 
 
@@ -93,7 +112,9 @@ def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
             highest = PASSBAND * trial.rate / motion.grid.factor
             text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
             return Finding("scale", "refused", text)
-    return Finding("scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m.")
+    return Finding(
+        "scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m."
+    )
 
 
 def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
@@ -101,7 +122,10 @@ def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
     position, torque = motion.deviations
     ratio = torque / position if position > 0.0 else inf
     text = f"standard deviations of {position:.3g} rad and {torque:.3g} N·m, {ratio:.3g} N·m/rad"
-    if not (position <= LARGEST_POSITION and STIFFNESSES[0] * position < torque < STIFFNESSES[1] * position):
+    if not (
+        position <= LARGEST_POSITION
+        and STIFFNESSES[0] * position < torque < STIFFNESSES[1] * position
+    ):
         text = (
             f"{text}, are not those of a joint: K, B, I and G are not either. Are position and torque exchanged, or in "
             "other units than rad and N·m?"
@@ -116,7 +140,9 @@ def check_sign(stiffness: np.ndarray, explained: float) -> Finding:
     Shapes: stiffness (3,).
     """
     values = dict(zip("KBI", stiffness.tolist(), strict=True))
-    numbers = ", ".join(f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items())
+    numbers = ", ".join(
+        f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items()
+    )
     text = f"a second-order model without reflex has {numbers}"
     if stiffness[0] < 0 and (stiffness[2] < 0 or explained > MODEL):
         return Finding(
@@ -138,7 +164,11 @@ def check_signs_by_reference(records: Sequence[Regressors]) -> list[Finding]:
         scale, torque = x[:, :MOTION].std(axis=0), x[:, MOTION]
         motion, instruments = x[:, :MOTION] / scale, (x - residual)[:, :MOTION] / scale
         values = np.linalg.lstsq(instruments.T @ motion, instruments.T @ torque, rcond=None)[0]
-        findings.append(check_sign(values / scale, 1.0 - float(np.var(torque - motion @ values) / np.var(torque))))
+        findings.append(
+            check_sign(
+                values / scale, 1.0 - float(np.var(torque - motion @ values) / np.var(torque))
+            )
+        )
     return findings
 
 
@@ -183,7 +213,10 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
         return ok
     density = np.mean(np.abs(segment_spectra(torque, length, length // 2)) ** 2, axis=0)
     place = np.linspace(0.0, 1.0, density.size)  # of half of the sampling rate
-    edge, inside = (float(density[(place >= low) & (place < high)].mean()) for low, high in ((0.94, 0.995), (0.7, 0.8)))
+    edge, inside = (
+        float(density[(place >= low) & (place < high)].mean())
+        for low, high in ((0.94, 0.995), (0.7, 0.8))
+    )
     if edge < EDGE * float(density[place < 0.3].max()) or edge < EDGE_SLOPE * inside:
         return ok
     text = (
@@ -219,7 +252,9 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
         return Finding("excitation", "refused", text)
     # Decimation leaves the uppermost part of the band empty, which limits the rank of any movement.
     attainable = int(np.floor(2 * PASSBAND * rows))
-    grams = [hankel_gram([velocity[:, None]], rows, subtract_means=False) for velocity in velocities]
+    grams = [
+        hankel_gram([velocity[:, None]], rows, subtract_means=False) for velocity in velocities
+    ]
     values = np.linalg.eigvalsh(np.sum(grams, axis=0))[::-1]
     rank = int(np.count_nonzero(values > EXCITED * values[0]))
     if rank < attainable:
@@ -237,9 +272,13 @@ def check_reference(records: Sequence[Regressors]) -> Finding:
     name = records[0].reference_name
     try:
         references = [record.reference for record in records if record.reference is not None]
-        share = unseen_share(references, [record.inputs[:, 0] for record in records], records[0].rate)
+        share = unseen_share(
+            references, [record.inputs[:, 0] for record in records], records[0].rate
+        )
     except DataError as error:
-        return Finding("reference", "warning", f"what {name} explains of the position cannot be told: {error}")
+        return Finding(
+            "reference", "warning", f"what {name} explains of the position cannot be told: {error}"
+        )
     text = f"{name} explains {100 * max(share, 0.0):.1f} % of the position in unseen halves"
     duration = sum(record.torque.size for record in records) / records[0].rate
     limit = float(np.clip(WEAK / duration, *WEAK_LIMITS))
@@ -253,7 +292,9 @@ def check_reference(records: Sequence[Regressors]) -> Finding:
 
 
 @once
-def reference_correlations(trial: PreparedTrial, grid: Grid, name: str) -> tuple[float, float, float]:
+def reference_correlations(
+    trial: PreparedTrial, grid: Grid, name: str
+) -> tuple[float, float, float]:
     """Squared correlations of the reference: the largest with the position a little later, and those at once."""
     motion, reference = motion_products(trial, grid), trial.channel(name, grid)
     rate = trial.rate / grid.factor

@@ -31,9 +31,13 @@ def check_length(trials: Sequence[xr.Dataset], identification_rate: float) -> Fi
     if total < SHORTEST:
         return Finding("length", "refused", f"{text}: record at least {SHORTEST:g} s.")
     if min(durations) < SHORTEST_TRIAL:
-        return Finding("length", "refused", f"{text}: leave out trials of less than {SHORTEST_TRIAL:g} s.")
+        return Finding(
+            "length", "refused", f"{text}: leave out trials of less than {SHORTEST_TRIAL:g} s."
+        )
     if total < SHORT:
-        return Finding("length", "warning", f"{text}: short for a reflex; {2 * SHORT:g} s or more are usual.")
+        return Finding(
+            "length", "warning", f"{text}: short for a reflex; {2 * SHORT:g} s or more are usual."
+        )
     return Finding("length", "ok", f"{text}; identified at {identification_rate:g} Hz.")
 
 
@@ -52,14 +56,18 @@ def estimate_spectra(records: Sequence[Regressors]) -> dict[str, np.ndarray]:
         for name, parts in signals.items()
         if parts
     }
-    power = {name: np.mean(np.abs(transform) ** 2, axis=0) for name, transform in transforms.items()}
+    power = {
+        name: np.mean(np.abs(transform) ** 2, axis=0) for name, transform in transforms.items()
+    }
     density = 0.5 * rate * np.sum(np.hanning(size) ** 2)
 
     def coherence(x: str, y: str) -> np.ndarray:
         cross = np.mean(transforms[x] * transforms[y].conj(), axis=0)
         return np.abs(cross) ** 2 / np.maximum(power[x] * power[y], np.finfo(float).tiny)
 
-    spectra = {"frequency": frequency[inside]} | {name: power[name] / density for name in ("position", "torque")}
+    spectra = {"frequency": frequency[inside]} | {
+        name: power[name] / density for name in ("position", "torque")
+    }
     spectra["coherence"] = coherence("position", "torque")
     if "reference" in transforms:
         spectra["reference_coherence"] = coherence("reference", "position")

@@ -27,7 +27,9 @@ BY_POSITION = 0.2  # times what the position leaves of it, at most: without nois
 BY_BOTH = 0.25  # times as much, at least, is left by torque and position together: a command is made of both
 
 
-def find_reference_faults(trial: PreparedTrial, reference: str | None, delay: float = 0.04) -> list[Finding]:
+def find_reference_faults(
+    trial: PreparedTrial, reference: str | None, delay: float = 0.04
+) -> list[Finding]:
     """Faults of the reference of a trial; each is computed once for all methods that take it."""
     name = reference or "reference"
     if name == "position" or name not in trial.trial:
@@ -62,10 +64,19 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
         return ok
     chance = 1.0 / sqrt(grid.samples)
     # As it was recorded the reference costs nothing, but its aliases can make a position look early.
-    if _correlate_rates(trial, trial.samples[name][grid.first :: grid.factor][: grid.samples], grid) > -CHANCE * chance:
+    if (
+        _correlate_rates(
+            trial, trial.samples[name][grid.first :: grid.factor][: grid.samples], grid
+        )
+        > -CHANCE * chance
+    ):
         return ok
     correlation = _correlate_rates(trial, trial.channel(name, grid), grid)
-    limit = CHANCE * chance if _explains_more_torque(trial, name, grid) else max(AHEAD, CERTAIN * chance)
+    limit = (
+        CHANCE * chance
+        if _explains_more_torque(trial, name, grid)
+        else max(AHEAD, CERTAIN * chance)
+    )
     if correlation > -limit:
         return ok
     text = (
@@ -87,7 +98,9 @@ def _correlate_rates(trial: PreparedTrial, reference: np.ndarray, grid: Grid) ->
 def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
     """Whether the reference and its derivatives explain more of the torque than the position and its derivatives."""
     samples, torque = trial.samples[name], trial.channel("torque", grid)
-    derivatives = [decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)]
+    derivatives = [
+        decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)
+    ]
     return regress_torque([*derivatives, torque])[-1] > motion_products(trial, grid).explained
 
 
@@ -128,16 +141,23 @@ def check_filtered_torque(trial: PreparedTrial, name: str, grid: Grid) -> Findin
     return Finding(ok.name, "warning", text)
 
 
-def _unexplained_share(signals: Sequence[np.ndarray], y: np.ndarray, leads: int, lags: int) -> float:
+def _unexplained_share(
+    signals: Sequence[np.ndarray], y: np.ndarray, leads: int, lags: int
+) -> float:
     """Share of the variance of a signal that leads and lags of others leave, in a part in the middle of the record."""
     shifts = leads + lags + 1
     rows = min(y.size - shifts + 1, ROWS_PER_LAG * shifts * len(signals))
     first = (y.size - shifts + 1 - rows) // 2
-    lagged = np.stack([signal[first + k : first + k + rows] for signal in signals for k in range(shifts)])
+    lagged = np.stack(
+        [signal[first + k : first + k + rows] for signal in signals for k in range(shifts)]
+    )
     lagged -= lagged.mean(axis=1, keepdims=True)
     target = y[first + lags : first + lags + rows]
     target = target - target.mean()
-    energy, power = float(target @ target), np.repeat([np.var(signal) for signal in signals], shifts)
+    energy, power = (
+        float(target @ target),
+        np.repeat([np.var(signal) for signal in signals], shifts),
+    )
     if not energy > 0.0:
         return 1.0
     gram, products = lagged @ lagged.T + np.diag(RIDGE * rows * power), lagged @ target
@@ -156,8 +176,12 @@ def check_instrument(
         return False, Finding("reference", "warning", f"there is none. {advice}")
     finding = check_reference(records)
     if finding.verdict == "ok":
-        faults = [find_reference_faults(trial, records[0].reference_name, delay) for trial in trials]
+        faults = [
+            find_reference_faults(trial, records[0].reference_name, delay) for trial in trials
+        ]
         first = [next(iter(of_trial), finding) for of_trial in faults]
         finding = merge_findings(first) if any(faults) else finding
     # Without a reference the recording may still be identified as one in open loop.
-    return finding.verdict == "ok", replace(finding, verdict="ok" if finding.verdict == "ok" else "warning")
+    return finding.verdict == "ok", replace(
+        finding, verdict="ok" if finding.verdict == "ok" else "warning"
+    )

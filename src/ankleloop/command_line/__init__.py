@@ -3,4 +3,6 @@
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # before numpy is imported; as in the jobs of the workflow, for equal bits
+    os.environ.setdefault(
+        _name, "1"
+    )  # before numpy is imported; as in the jobs of the workflow, for equal bits

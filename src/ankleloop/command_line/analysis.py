@@ -32,7 +32,11 @@ TABLE, FIGURE = "recordings.csv", "recordings-figure"  # of several recordings
 
 
 def make_study(
-    name: str, path: Path, recording: Recording, methods: Sequence[str] = (), options: Mapping[str, Any] | None = None
+    name: str,
+    path: Path,
+    recording: Recording,
+    methods: Sequence[str] = (),
+    options: Mapping[str, Any] | None = None,
 ) -> RecordedStudy:
     """The study of one recording, which the workflow would make of it, with options by [METHOD.]NAME."""
     changing = "riv-tv" in methods or recording.changes
@@ -58,9 +62,13 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
     fields = {label: METHODS[label].options.model_fields for label in methods}
     concerned = [label for label in methods if key in ("", label) and field in fields[label]]
     if value is None and not key:  # only some can estimate what others have to be told
-        concerned = [label for label in concerned if NoneType in get_args(fields[label][field].annotation)]
+        concerned = [
+            label for label in concerned if NoneType in get_args(fields[label][field].annotation)
+        ]
     if not concerned:
-        raise click.UsageError(f"--option {name}: none of the methods {', '.join(methods)} has this option.")
+        raise click.UsageError(
+            f"--option {name}: none of the methods {', '.join(methods)} has this option."
+        )
     for label in concerned:
         methods[label]["options"][field] = value
         methods[label].get("select", {}).pop(field, None)
@@ -87,10 +95,14 @@ def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
     folder.mkdir(parents=True, exist_ok=True)
     # In the same folder, so that what is complete only takes its name there.
     with tempfile.TemporaryDirectory(prefix=".ankleloop-", dir=folder) as temporary:
-        ((_, table),) = analyse_recordings(study.chunks[0], study.analysed_methods, Path(temporary), window)
+        ((_, table),) = analyse_recordings(
+            study.chunks[0], study.analysed_methods, Path(temporary), window
+        )
         write_csv(table, Path(temporary, f"{name}-parameters.csv"))
         for earlier in (folder / name).glob("*"):
-            if earlier.suffix in SUFFIXES and (earlier.stem in METHODS or earlier.stem.startswith("figure-")):
+            if earlier.suffix in SUFFIXES and (
+                earlier.stem in METHODS or earlier.stem.startswith("figure-")
+            ):
                 earlier.unlink()
         for result in filter(Path.is_file, Path(temporary).rglob("*")):
             target = folder / result.relative_to(temporary)
@@ -104,12 +116,17 @@ def show_results(table: pd.DataFrame, folder: Path) -> None:
     first, valid = table.iloc[0], table[table["valid"]]
     name = first["recording"]
     echo(f"\n{click.style(name, bold=True)}")
-    echo(f"{click.style(first['verdict'], fg=COLOURS[first['verdict']])}: {first['recommendation']}")
+    echo(
+        f"{click.style(first['verdict'], fg=COLOURS[first['verdict']])}: {first['recommendation']}"
+    )
     if first["verdict"] == "refused":
         echo(first["reasons"])
     if not valid.empty:
         rows = [row for _, row in valid.iterrows()]
-        cells = {QUANTITIES[column].label: [format_with_interval(row, column) for row in rows] for column in COLUMNS}
+        cells = {
+            QUANTITIES[column].label: [format_with_interval(row, column) for row in rows]
+            for column in COLUMNS
+        }
         cells |= {"": ["" if row["trusted"] else "warning" for row in rows]}
         echo(f"\n{pd.DataFrame(cells, index=valid['label']).rename_axis(None).to_string()}")
     for _, row in table[table["verdict"] != "refused"].drop(valid.index).iterrows():

@@ -38,7 +38,9 @@ def check(file: Path, **values: Any) -> int:
     _, result = check_file(file, map_file(file, **values))
     echo()
     for finding in result.findings:
-        echo(f"{click.style(f'{finding.verdict:>8}', fg=COLOURS[finding.verdict])}  {finding.name}: {finding.text}")
+        echo(
+            f"{click.style(f'{finding.verdict:>8}', fg=COLOURS[finding.verdict])}  {finding.name}: {finding.text}"
+        )
     words = click.get_current_context().obj
     show_correction(" ".join(result.reasons), words)
     if result.verdict == "refused":
@@ -59,6 +61,8 @@ def check_file(path: Path, recording: Recording) -> tuple[xr.Dataset | None, Che
     try:
         trial = load_recording(path, recording.model_dump())
         result = check_trial(trial, **largest_options(methods))
-        return trial, replace(result, findings=[*result.findings, *check_course(trial, recording.model_dump())])
+        return trial, replace(
+            result, findings=[*result.findings, *check_course(trial, recording.model_dump())]
+        )
     except NUMERICAL_ERRORS as error:
         return None, refuse_recording(error).check

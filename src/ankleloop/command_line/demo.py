@@ -12,7 +12,12 @@ from ankleloop.command_line.identify import identify
 from ankleloop.command_line.reading import FOLDER
 from ankleloop.command_line.terminal import echo, refuse_existing, show_next
 
-PARAMETERS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}  # with settings of a simulation
+PARAMETERS = {
+    "K": "stiffness",
+    "B": "viscosity",
+    "I": "inertia",
+    "G": "reflex_gain",
+}  # with settings of a simulation
 EPILOG = """\b
 Examples:
   ankleloop demo
@@ -20,13 +25,35 @@ Examples:
 
 
 @click.command(epilog=EPILOG)
-@click.option("--output", type=FOLDER, default=Path("ankleloop-demo"), show_default=True, help="Folder of all files.")
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the simulation.")
-@click.option("--duration", type=click.FloatRange(20, 600), default=50.0, show_default=True, help="Its length [s].")
+@click.option(
+    "--output",
+    type=FOLDER,
+    default=Path("ankleloop-demo"),
+    show_default=True,
+    help="Folder of all files.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="Seed of the simulation.",
+)
+@click.option(
+    "--duration",
+    type=click.FloatRange(20, 600),
+    default=50.0,
+    show_default=True,
+    help="Its length [s].",
+)
 @click.option("--overwrite", is_flag=True, help="Replace the files of an earlier run.")
-@click.option("--open/--no-open", "opens", default=True, show_default=True, help="Open the page in a browser.")
+@click.option(
+    "--open/--no-open", "opens", default=True, show_default=True, help="Open the page in a browser."
+)
 @click.pass_context
-def demo(context: click.Context, output: Path, seed: int, duration: float, overwrite: bool, opens: bool) -> int:
+def demo(
+    context: click.Context, output: Path, seed: int, duration: float, overwrite: bool, opens: bool
+) -> int:
     """Simulate a trial, write it as a laboratory would, and identify it.
 
     The joint pushes against a compliant load, with the settings of the paper. The trial is written as CSV, MATLAB v5
@@ -54,7 +81,9 @@ def demo(context: click.Context, output: Path, seed: int, duration: float, overw
     for _, row in table[table["recommended"]].iterrows():
         echo(f"\n{row['label']} (95 % interval), and what was simulated:")
         for name, setting in PARAMETERS.items():
-            echo(f"  {QUANTITIES[name].label}: {format_with_interval(row, name)}, simulated {trial.attrs[setting]:.4g}")
+            echo(
+                f"  {QUANTITIES[name].label}: {format_with_interval(row, name)}, simulated {trial.attrs[setting]:.4g}"
+            )
     page = results / f"{path.stem}.html"
     if opens and not webbrowser.open(page.absolute().as_uri()):
         show_next(f"there is no browser that could be opened: open {page} yourself.")

@@ -63,7 +63,11 @@ def identify(
 
     folder = output or Path("ankleloop-results" if len(files) > 1 else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
-    fields, recordings, words = _parse_options([*named, *options]), name_recordings(files), context.obj
+    fields, recordings, words = (
+        _parse_options([*named, *options]),
+        name_recordings(files),
+        context.obj,
+    )
     if not overwrite:
         analysis.refuse_results(folder, recordings)
     studies, tables = [], []
@@ -79,9 +83,13 @@ def identify(
         analysis.show_results(table, folder)
         if table["verdict"].iloc[0] == "refused":
             others = {str(file) for file in files if file != path}
-            show_correction(table["reasons"].iloc[0], [word for word in words if word not in others])
+            show_correction(
+                table["reasons"].iloc[0], [word for word in words if word not in others]
+            )
         tables.append(table)
-    page = analysis.write_summary(tables, folder) if len(files) > 1 else folder / f"{study.name}.html"
+    page = (
+        analysis.write_summary(tables, folder) if len(files) > 1 else folder / f"{study.name}.html"
+    )
     show_next(f"open {page}")
     return int(not all(table["valid"].any() for table in tables))
 

@@ -40,7 +40,10 @@ Exit status:
 """
 
 
-@click.group(epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    epilog=EPILOG,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.version_option(ankleloop.__version__, "--version", message="ankleloop %(version)s")
 def commands() -> None:
     """Separate the torque of a joint into its intrinsic and reflex parts.
@@ -63,7 +66,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with warnings.catch_warnings():
         warnings.showwarning = show_warning
         try:
-            status: Any = commands.main(args=words, prog_name="ankleloop", standalone_mode=False, obj=words)
+            status: Any = commands.main(
+                args=words, prog_name="ankleloop", standalone_mode=False, obj=words
+            )
         except click.exceptions.Exit as end:
             return end.exit_code
         except click.ClickException as error:  # of the options
@@ -77,12 +82,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
             show_error(str(error), words)
             return DATA
         except MemoryError as error:
-            show_error(f"out of memory ({error}): take a shorter part of the recording (start, stop).", words)
+            show_error(
+                f"out of memory ({error}): take a shorter part of the recording (start, stop).",
+                words,
+            )
         except (ResourceError, OSError) as error:
-            show_error(f"{error}: look after the disk, the folder and its permissions, and try again.", words)
+            show_error(
+                f"{error}: look after the disk, the folder and its permissions, and try again.",
+                words,
+            )
         except Exception as error:
             traceback.print_exception(error)
-            show_error("this is a mistake in ankleloop, not in your data: please report the lines above.", ())
+            show_error(
+                "this is a mistake in ankleloop, not in your data: please report the lines above.",
+                (),
+            )
         else:
             return status if isinstance(status, int) else DONE
     return MISTAKE

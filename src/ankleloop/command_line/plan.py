@@ -19,7 +19,9 @@ Examples:
 """
 
 
-def _parse_widths(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, float]:
+def _parse_widths(
+    context: click.Context, option: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, float]:
     """Half-widths as shares, by parameter."""
     widths = {}
     for text in texts:
@@ -28,14 +30,22 @@ def _parse_widths(context: click.Context, option: click.Parameter, texts: tuple[
             number = float(share.rstrip("% ")) / (100.0 if share.endswith("%") else 1.0)
             widths[name] = check_number("plan", name, number, ge=1e-4, le=10)
         except ValueError:
-            raise click.BadParameter(f"{text!r} is no parameter with a width, such as K=5% or K=0.05.") from None
+            raise click.BadParameter(
+                f"{text!r} is no parameter with a width, such as K=5% or K=0.05."
+            ) from None
     return widths
 
 
 @click.command(epilog=EPILOG)
 @click.argument("file", type=FILE)
 @click.option(
-    "--width", "widths", multiple=True, required=True, callback=_parse_widths, metavar="NAME=SHARE", help=HELP
+    "--width",
+    "widths",
+    multiple=True,
+    required=True,
+    callback=_parse_widths,
+    metavar="NAME=SHARE",
+    help=HELP,
 )
 @reading_options
 def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
@@ -49,7 +59,10 @@ def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
 
     trial, result = check_file(file, map_file(file, **values))
     if trial is None or result.verdict == "refused" or "riv" not in result.methods:
-        text = " ".join(result.reasons) or "riv is not valid for this recording: record the command of the servo."
+        text = (
+            " ".join(result.reasons)
+            or "riv is not valid for this recording: record the command of the servo."
+        )
         show_error(text, click.get_current_context().obj)
         return 1
     pilot = identify(trial, "riv", **result.methods["riv"])

@@ -21,7 +21,10 @@ METAVARS = {"variables": "NAME=VARIABLE,…", "cycle_onsets": "NAME|TIMES"}
 METAVARS |= dict.fromkeys(("schedule", *CHANNELS), "NAME")
 DEFAULTS = {"position_unit": "as the file states it, else rad", "sampling_rate": "that of the file"}
 DEFAULTS |= dict.fromkeys(CHANNELS, "by its name")
-FILE, FOLDER = click.Path(exists=True, dir_okay=False, path_type=Path), click.Path(file_okay=False, path_type=Path)
+FILE, FOLDER = (
+    click.Path(exists=True, dir_okay=False, path_type=Path),
+    click.Path(file_okay=False, path_type=Path),
+)
 MOST_CHARACTERS = 60  # of the name of a recording that is made of the name of a file
 
 
@@ -46,7 +49,9 @@ def reading_options(command: Command) -> Command:
         elif kinds <= {int, float}:
             parse = click.FLOAT if float in kinds else click.INT
         metavar = METAVARS.get(name) or (unit.upper() if unit != "1" else None)
-        option = click.option(f"--{name.replace('_', '-')}", name, type=parse, metavar=metavar, help=text)
+        option = click.option(
+            f"--{name.replace('_', '-')}", name, type=parse, metavar=metavar, help=text
+        )
         command = option(command)
     return command
 
@@ -68,14 +73,22 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Record
             stated[channel] = find_variable(channel, variables, source=path.name, taken=taken)
         except DataError as error:
             other = ", or --no-reference" if channel == "reference" else ""
-            raise click.UsageError(f"{error} Option that decides: --{channel} NAME{other}.") from None
+            raise click.UsageError(
+                f"{error} Option that decides: --{channel} NAME{other}."
+            ) from None
     unit, remark = stated.get("position_unit"), ""
     if unit is None:
         position = next((v for v in variables if v.name == stated["position"].lstrip("/")), None)
         unit = find_position_unit(position.name, position.unit) if position else None
-        remark = " (stated by the file)" if unit else " (assumed: --position-unit deg if it is in degrees)"
+        remark = (
+            " (stated by the file)"
+            if unit
+            else " (assumed: --position-unit deg if it is in degrees)"
+        )
     try:
-        recording = Recording.parse("the options", **stated | {"file": path.name, "position_unit": unit or "rad"})
+        recording = Recording.parse(
+            "the options", **stated | {"file": path.name, "position_unit": unit or "rad"}
+        )
     except ValueError as error:
         raise click.UsageError(str(error)) from None
     unit = f"{recording.position_unit}{remark}"
@@ -102,4 +115,7 @@ def name_recordings(files: Iterable[Path]) -> dict[str, Path]:
 def name_recording(path: Path) -> str:
     """Name of a recording, which is part of the names of its files, by the name of its file."""
     stem = Path(path.name.removesuffix(".gz")).stem
-    return re.sub(r"[^A-Za-z0-9_.-]+", "-", stem).lstrip("-_.")[:MOST_CHARACTERS].rstrip("-_.") or "recording"
+    return (
+        re.sub(r"[^A-Za-z0-9_.-]+", "-", stem).lstrip("-_.")[:MOST_CHARACTERS].rstrip("-_.")
+        or "recording"
+    )

@@ -13,7 +13,13 @@ from typing import Any, Literal, get_args, get_origin
 import click
 
 from ankleloop.command_line.check import check_file
-from ankleloop.command_line.reading import FILE, map_file, name_recording, name_recordings, reading_options
+from ankleloop.command_line.reading import (
+    FILE,
+    map_file,
+    name_recording,
+    name_recordings,
+    reading_options,
+)
 from ankleloop.command_line.terminal import echo, refuse_existing, show_next
 from ankleloop.options import suggest_name
 
@@ -34,10 +40,18 @@ Examples:
 @click.command(epilog=EPILOG)
 @click.argument("new", metavar="NEW.yaml", type=click.Path(dir_okay=False, path_type=Path))
 @click.argument("files", nargs=-1, metavar="[FILE]...", type=FILE)
-@click.option("--sweep", "varied", multiple=True, metavar="SETTING", help="Setting of the simulation that varies.")
+@click.option(
+    "--sweep",
+    "varied",
+    multiple=True,
+    metavar="SETTING",
+    help="Setting of the simulation that varies.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace the file NEW.yaml.")
 @reading_options
-def study(new: Path, files: tuple[Path, ...], varied: tuple[str, ...], overwrite: bool, **values: Any) -> int:
+def study(
+    new: Path, files: tuple[Path, ...], varied: tuple[str, ...], overwrite: bool, **values: Any
+) -> int:
     """Write a configuration of a study, for the workflow.
 
     With FILEs it is a study of these recordings: each file is read and checked, and the configuration has its names,
@@ -58,24 +72,33 @@ def study(new: Path, files: tuple[Path, ...], varied: tuple[str, ...], overwrite
         refuse_existing([new])
     # The only study of a file has the name of the file, so that no other study has its results.
     name = name_recording(new).replace(".", "-")
-    settings, remarks = _describe_recordings(files, values) if files else (_describe_sweep(varied), [])
+    settings, remarks = (
+        _describe_recordings(files, values) if files else (_describe_sweep(varied), [])
+    )
     config = {"run": [name], "article": [], "studies": {name: settings}}
     try:
         read_run(config, [])
     except ConfigError as error:
         raise click.UsageError(str(error)) from None
-    lines = [textwrap.fill(remark, 120, initial_indent="# ", subsequent_indent="#   ") for remark in remarks]
+    lines = [
+        textwrap.fill(remark, 120, initial_indent="# ", subsequent_indent="#   ")
+        for remark in remarks
+    ]
     plain = json.loads(json.dumps(config))  # what stands twice is no alias then
     text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, width=120)
     with atomic_file(new, overwrite=overwrite) as partial:
-        partial.write_text("\n".join([HEADER.format(file=new.name, name=name), *lines, text]), encoding="utf-8")
+        partial.write_text(
+            "\n".join([HEADER.format(file=new.name, name=name), *lines, text]), encoding="utf-8"
+        )
     echo(f"\n{new} is written.")
     command = shlex.join(["snakemake", "--cores", "2", "--configfile", str(new.absolute())])
     show_next(f"look through {new}, then, in the folder of the repository: {command}")
     return 0
 
 
-def _describe_recordings(files: Sequence[Path], values: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
+def _describe_recordings(
+    files: Sequence[Path], values: dict[str, Any]
+) -> tuple[dict[str, Any], list[str]]:
     """Settings of a study of recordings, each of which is read and checked, and what was found."""
     from ankleloop.recordings.validity import usual_methods
 
@@ -86,10 +109,14 @@ def _describe_recordings(files: Sequence[Path], values: dict[str, Any]) -> tuple
         _, check = check_file(file, recording)
         if values.get("torque_sign") is None and "torque_sign: -1" in " ".join(check.reasons):
             recording = recording.model_copy(update={"torque_sign": -1})
-            remarks.append(f"{name}: torque_sign is -1: as the file has it, the torque does not oppose stretch.")
+            remarks.append(
+                f"{name}: torque_sign is -1: as the file has it, the torque does not oppose stretch."
+            )
             echo(remarks[-1])
             _, check = check_file(file, recording)
-        remarks += [f"{name}: {f.verdict}, {f.name}: {f.text}" for f in check.findings if f.verdict != "ok"]
+        remarks += [
+            f"{name}: {f.verdict}, {f.name}: {f.text}" for f in check.findings if f.verdict != "ok"
+        ]
         recordings.append(recording)
         described[name] = {
             "file": file.absolute().relative_to(folder).as_posix(),
@@ -98,18 +125,28 @@ def _describe_recordings(files: Sequence[Path], values: dict[str, Any]) -> tuple
         }
     changing = any(recording.changes for recording in recordings)
     methods: dict[str, Any] = {}
-    for has_reference in sorted({recording.reference is not None for recording in recordings}, reverse=True):
+    for has_reference in sorted(
+        {recording.reference is not None for recording in recordings}, reverse=True
+    ):
         for key, method in usual_methods(reference=has_reference, changing=changing).items():
             stated = {name: value for name, value in method.items() if value}
             if methods.setdefault(key, stated) != stated:
-                methods[f"{key}-no-reference"] = stated | {"label": f"{method['label']} (no reference)"}
-    settings = {"kind": "recordings", "title": "Recordings", "folder": str(folder).replace("$", "$$")}
+                methods[f"{key}-no-reference"] = stated | {
+                    "label": f"{method['label']} (no reference)"
+                }
+    settings = {
+        "kind": "recordings",
+        "title": "Recordings",
+        "folder": str(folder).replace("$", "$$"),
+    }
     return {**settings, "files": described, "methods": methods}, remarks
 
 
 def _describe_sweep(varied: Sequence[str]) -> dict[str, Any]:
     """Settings of a sweep."""
-    is_varying = any(name.endswith("_variation") for name in varied)  # K, B and G vary with something then
+    is_varying = any(
+        name.endswith("_variation") for name in varied
+    )  # K, B and G vary with something then
     return {
         "kind": "simulation",
         "notebook": "sweep",
@@ -133,7 +170,9 @@ def _propose_values(name: str) -> list[Any]:
     fields = SimulationSettings.model_fields
     if name not in fields:
         known = ", ".join(fields)
-        raise click.UsageError(f"--sweep: there is no setting {name!r}{suggest_name(name, fields)}; there are {known}.")
+        raise click.UsageError(
+            f"--sweep: there is no setting {name!r}{suggest_name(name, fields)}; there are {known}."
+        )
     default = fields[name].get_default()
     kinds = (fields[name].annotation, *get_args(fields[name].annotation))
     choices = [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
@@ -142,5 +181,7 @@ def _propose_values(name: str) -> list[Any]:
     if choices or default == 0.0:
         return choices or [0.0, 0.1]
     if default is None:
-        raise click.UsageError(f"--sweep: {name} has no default to vary: write its values into the file of a sweep.")
+        raise click.UsageError(
+            f"--sweep: {name} has no default to vary: write its values into the file of a sweep."
+        )
     return [factor * default for factor in FACTORS]

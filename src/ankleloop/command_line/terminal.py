@@ -63,7 +63,9 @@ def refuse_existing(paths: Sequence[os.PathLike[str]]) -> None:
     """Refuse to replace files."""
     for path in paths:
         if os.path.lexists(path):
-            raise click.UsageError(f"{path}: the file exists already. --overwrite replaces it, or write elsewhere.")
+            raise click.UsageError(
+                f"{path}: the file exists already. --overwrite replaces it, or write elsewhere."
+            )
 
 
 @contextmanager

@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.experiments.experiment import LOST, SETTINGS, Experiment, describe_joint, warn_of_pilot
+from ankleloop.experiments.experiment import (
+    LOST,
+    SETTINGS,
+    Experiment,
+    describe_joint,
+    warn_of_pilot,
+)
 from ankleloop.experiments.perturbation import PerturbationDesign
 from ankleloop.joint.estimate import Estimate
 from ankleloop.options import check_number, show_value
@@ -52,7 +58,9 @@ class DurationPlan:
         ]
         low, high = self.interval
         decides = QUANTITIES[self.parameter].symbol
-        return "\n".join([*lines, f"Record {self.seconds:.0f} s ({low:.0f} … {high:.0f} s): {decides} decides."])
+        return "\n".join(
+            [*lines, f"Record {self.seconds:.0f} s ({low:.0f} … {high:.0f} s): {decides} decides."]
+        )
 
 
 def plan_duration(
@@ -94,12 +102,16 @@ def plan_duration(
     ('K', True)
     """
     if not isinstance(widths, Mapping) or not widths:
-        raise TypeError(f"plan_duration: widths must be a mapping such as {{'K': 0.05}}, got {show_value(widths)}.")
+        raise TypeError(
+            f"plan_duration: widths must be a mapping such as {{'K': 0.05}}, got {show_value(widths)}."
+        )
     values, errors, used = _expect(joint)
     needed = {}
     for name, width in widths.items():
         if name not in values:
-            raise DataError(f"there is no parameter {name!r} to plan for; there are {', '.join(values)}.")
+            raise DataError(
+                f"there is no parameter {name!r} to plan for; there are {', '.join(values)}."
+            )
         width = check_number("plan_duration", f"widths: {name}", width, ge=1e-4, le=10)
         error = errors.get(name, np.nan)
         if not (np.isfinite(error) and values[name] != 0):
@@ -116,7 +128,9 @@ def plan_duration(
             )
     parameter = max(needed, key=needed.__getitem__)
     seconds = needed[parameter]
-    reliable = used if isinstance(joint, Estimate) else seconds - LOST  # s of record that the standard error is of
+    reliable = (
+        used if isinstance(joint, Estimate) else seconds - LOST
+    )  # s of record that the standard error is of
     ratio = float(np.exp(TWO_SIDED * UNCERTAINTY / np.sqrt(reliable)))
     interval = (seconds - LOST) / ratio + LOST, (seconds - LOST) * ratio + LOST
     return DurationPlan(seconds, interval, parameter, needed, dict(widths))
@@ -129,7 +143,11 @@ def _expect(
     if isinstance(joint, Estimate):
         warn_of_pilot("plan_duration", joint)
         used = joint.torque.sizes["time"] / joint.torque.attrs["identification_rate"]
-        return {**joint.stiffness, **joint.reflex}, joint.diagnostics.get("standard_errors", {}), used
+        return (
+            {**joint.stiffness, **joint.reflex},
+            joint.diagnostics.get("standard_errors", {}),
+            used,
+        )
     if isinstance(joint, PerturbationDesign):
         settings, errors, seconds = joint.experiment.settings, joint.standard_errors, joint.seconds
     else:

@@ -10,7 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ankleloop.assessment.cramer_rao import disturbance_spectrum, fisher_information, invert_information
+from ankleloop.assessment.cramer_rao import (
+    disturbance_spectrum,
+    fisher_information,
+    invert_information,
+)
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
@@ -28,19 +32,27 @@ RATE = 100.0  # Hz, of the identification
 LOST = 0.66  # s of a record: its ends, which the filters of the identification touch
 
 
-def describe_joint(owner: str, joint: Estimate | Mapping[str, Any], others: Mapping[str, Any]) -> SimulationSettings:
+def describe_joint(
+    owner: str, joint: Estimate | Mapping[str, Any], others: Mapping[str, Any]
+) -> SimulationSettings:
     """Settings of a joint and its experiment; what an estimate does not hold (load, servo, recorder) is in `others`."""
     if isinstance(joint, Estimate):
         warn_of_pilot(owner, joint)
         parameters = {**joint.stiffness, **joint.reflex}
-        values = {setting: parameters[name] for name, setting in SETTINGS.items() if name in parameters}
+        values = {
+            setting: parameters[name] for name, setting in SETTINGS.items() if name in parameters
+        }
     elif isinstance(joint, Mapping):
         values = dict(joint)
     else:
-        raise TypeError(f"{owner}: joint must be an estimate or settings of simulate by name, got {show_value(joint)}.")
+        raise TypeError(
+            f"{owner}: joint must be an estimate or settings of simulate by name, got {show_value(joint)}."
+        )
     settings = SimulationSettings.parse(owner, **{**values, **others})
     if isinstance(joint, Mapping) and settings.snr_db is None and settings.voluntary == 0:
-        raise ValueError(f"{owner}: without a disturbance every record is exact: set snr_db or voluntary.")
+        raise ValueError(
+            f"{owner}: without a disturbance every record is exact: set snr_db or voluntary."
+        )
     return settings
 
 
@@ -48,7 +60,11 @@ def warn_of_pilot(owner: str, pilot: Estimate) -> None:
     """Warn of what an estimate warns of: a plan is as good as its pilot."""
     if found := pilot.diagnostics.get("warnings"):
         text = " ".join(found)
-        warnings.warn(f"{owner}: the pilot has warnings; correct or repeat it first. {text}", UserWarning, stacklevel=4)
+        warnings.warn(
+            f"{owner}: the pilot has warnings; correct or repeat it first. {text}",
+            UserWarning,
+            stacklevel=4,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,23 +79,35 @@ class Experiment:
 
     @classmethod
     def of(
-        cls, joint: Estimate | Mapping[str, Any], settings: SimulationSettings, limits: Mapping[str, float], seed: int
+        cls,
+        joint: Estimate | Mapping[str, Any],
+        settings: SimulationSettings,
+        limits: Mapping[str, float],
+        seed: int,
     ) -> Experiment:
         """The experiment, with voluntary torque and noise relative to the torque that its own perturbation causes."""
-        quiet = cls(settings.model_copy(update=QUIET), lambda frequency: np.ones_like(frequency), limits)
+        quiet = cls(
+            settings.model_copy(update=QUIET), lambda frequency: np.ones_like(frequency), limits
+        )
         if isinstance(joint, Estimate):
             if "noise_spectrum" not in joint.diagnostics:
-                raise DataError(f"{joint.method} estimates no spectrum of the noise: identify the pilot by riv.")
+                raise DataError(
+                    f"{joint.method} estimates no spectrum of the noise: identify the pilot by riv."
+                )
             band = pass_band(joint.torque.sizes["time"], joint.torque.attrs["identification_rate"])
             # The inverse of a periodogram that scatters is on average larger than that of the spectrum.
-            density = joint.diagnostics["noise_spectrum"] * (1.0 + band.smoothing_variance(NOISE_RESOLUTION))
+            density = joint.diagnostics["noise_spectrum"] * (
+                1.0 + band.smoothing_variance(NOISE_RESOLUTION)
+            )
             points = joint.diagnostics["noise_frequency"]
             return replace(quiet, spectrum=lambda frequency: np.interp(frequency, points, density))
         level = settings.torque_level
         if level is None:
             torques = [quiet.respond(command).samples["torque"] for command in quiet.draw({}, seed)]
             level = float(np.sqrt(np.mean(np.var(torques, axis=1))))
-        return replace(quiet, spectrum=partial(disturbance_spectrum, level=level, settings=settings))
+        return replace(
+            quiet, spectrum=partial(disturbance_spectrum, level=level, settings=settings)
+        )
 
     def respond(self, command: np.ndarray) -> PreparedTrial:
         """The trial of a command [rad] without disturbances."""
@@ -93,11 +121,15 @@ class Experiment:
             sizes["torque"] = float(np.max(np.abs(clean.samples["torque"])))
             sizes["joint_velocity"] = float(np.mean(np.abs(clean.velocity(0.0))))
         if "servo_velocity" in self.limits:
-            servo = replace(self, settings=self.settings.model_copy(update={"closed_loop": False})).respond(command)
+            servo = replace(
+                self, settings=self.settings.model_copy(update={"closed_loop": False})
+            ).respond(command)
             sizes["servo_velocity"] = float(np.max(np.abs(servo.velocity(0.0))))
         return min([1.0, *(limit / sizes[name] for name, limit in self.limits.items())]) * command
 
-    def draw(self, perturbation: Mapping[str, Any], *seeds: int, count: int = 8) -> list[np.ndarray]:
+    def draw(
+        self, perturbation: Mapping[str, Any], *seeds: int, count: int = 8
+    ) -> list[np.ndarray]:
         """Commands of some settings of the perturbation, within the limits [rad]; shapes (samples,)."""
         settings = self.settings.model_copy(update=perturbation)
         samples = round(settings.duration * settings.recording_rate)
@@ -107,8 +139,19 @@ class Experiment:
     def variances(self, commands: Iterable[np.ndarray]) -> dict[str, float]:
         """Variance of every parameter by `riv` from a record with such a command: its noise spectrum is an estimate."""
         clean = map(self.respond, commands)
-        parts = [fisher_information(trial, self.settings, fed_back=False, spectrum=self.spectrum) for trial in clean]
+        parts = [
+            fisher_information(trial, self.settings, fed_back=False, spectrum=self.spectrum)
+            for trial in clean
+        ]
         names, information = parts[0][0], np.mean([information for _, information in parts], axis=0)
         band = pass_band(round((self.settings.duration - LOST) * RATE), RATE)
-        factor = 1.0 + 2.0 * band.smoothing_variance(NOISE_RESOLUTION)  # as in `asymptotic_covariance`
-        return dict(zip(names, (factor * np.diag(invert_information(information, names))).tolist(), strict=True))
+        factor = 1.0 + 2.0 * band.smoothing_variance(
+            NOISE_RESOLUTION
+        )  # as in `asymptotic_covariance`
+        return dict(
+            zip(
+                names,
+                (factor * np.diag(invert_information(information, names))).tolist(),
+                strict=True,
+            )
+        )

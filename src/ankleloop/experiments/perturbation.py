@@ -27,7 +27,10 @@ STEPS = 5  # of the integration in a recorded sample: 0.01 % of the variances
 GENERATIONS, CHILDREN, PARENTS, SEARCH_DRAWS = 25, 8, 4, 2
 TIE = 0.05  # share of the sum of the time ratios in the criterion, beside the largest of them
 LEAST_AMPLITUDE = 0.1  # of that which was asked for
-FACTORS = {"low": (0.8, 0.6, 0.4, 0.2), "high": (1.25, 1.6, 2.0, 2.5)}  # of K and G, for the range of the design
+FACTORS = {
+    "low": (0.8, 0.6, 0.4, 0.2),
+    "high": (1.25, 1.6, 2.0, 2.5),
+}  # of K and G, for the range of the design
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +76,12 @@ class PerturbationDesign:
         """
         seed = check_integer("draw", "seed", seed, ge=0)
         settings = self.experiment.settings.model_copy(update={"duration": self.seconds})
-        [command] = replace(self.experiment, settings=settings).draw(_dwells(self.weights.values()), seed, count=1)
-        time = xr.Variable("time", np.arange(command.size) / settings.recording_rate, {"units": "s"})
+        [command] = replace(self.experiment, settings=settings).draw(
+            _dwells(self.weights.values()), seed, count=1
+        )
+        time = xr.Variable(
+            "time", np.arange(command.size) / settings.recording_rate, {"units": "s"}
+        )
         attributes = {"units": "rad", "long_name": "command of the servo", "seed": seed}
         return xr.DataArray(command, {"time": time}, name="command", attrs=attributes)
 
@@ -97,14 +104,21 @@ class PerturbationDesign:
         """
         target = check_path("save", "path", path)
         if target.suffix not in (".csv", ".mat"):
-            raise DataError(f"{target}: a command is written as .csv or .mat: choose one of these suffixes.")
+            raise DataError(
+                f"{target}: a command is written as .csv or .mat: choose one of these suffixes."
+            )
         command = self.draw(seed)
         columns = {"time": command["time"].values, "command": command.values}
         with atomic_file(target, overwrite=overwrite) as partial:
             if target.suffix == ".csv":
                 pd.DataFrame(columns).to_csv(partial, index=False)
             else:
-                savemat(partial, {**columns, "fs": self.experiment.settings.recording_rate}, False, oned_as="column")
+                savemat(
+                    partial,
+                    {**columns, "fs": self.experiment.settings.recording_rate},
+                    False,
+                    oned_as="column",
+                )
 
 
 def design_perturbation(
@@ -186,15 +200,21 @@ def design_perturbation(
     seed = check_integer(owner, "seed", seed, ge=0)
     given = {"torque": (torque, "N·m"), "servo_velocity": (servo_velocity, "rad/s")}
     limits = {
-        name: check_number(owner, name, value, unit, gt=0) for name, (value, unit) in given.items() if value is not None
+        name: check_number(owner, name, value, unit, gt=0)
+        for name, (value, unit) in given.items()
+        if value is not None
     }
     others = {**settings, **PRBS, "amplitude": 2 * amplitude, "duration": EVALUATED}
     chosen = describe_joint(owner, joint, others)
     coarse = min(chosen.integration_rate, STEPS * chosen.recording_rate)
-    experiment = Experiment.of(joint, chosen.model_copy(update={"integration_rate": coarse}), limits, seed)
+    experiment = Experiment.of(
+        joint, chosen.model_copy(update={"integration_rate": coarse}), limits, seed
+    )
     prbs = experiment.draw(PRBS, seed)
     if check_flag(owner, "gentle", gentle):
-        speed = np.mean([np.mean(np.abs(experiment.respond(command).velocity(0.0))) for command in prbs])
+        speed = np.mean(
+            [np.mean(np.abs(experiment.respond(command).velocity(0.0))) for command in prbs]
+        )
         experiment = replace(experiment, limits={**limits, "joint_velocity": float(speed)})
     reference = experiment.variances(prbs)
     weights = _search(experiment, reference, seed, (progress or iter)(range(GENERATIONS)))
@@ -209,7 +229,8 @@ def design_perturbation(
     ratios = _ratios(variances, reference)
     if max(ratios.values()) > 1.0:
         text = (
-            f"{owner}: within these limits no dwell times were found that tell more than a PRBS of 100 ms: record that."
+            f"{owner}: within these limits no dwell times were found that tell more than a PRBS of 100 ms: "
+            "record that."
         )
         warnings.warn(text, UserWarning, stacklevel=2)
     return PerturbationDesign(
@@ -230,7 +251,11 @@ def _dwells(weights: Iterable[float]) -> dict[str, Any]:
 
 def _ratios(variances: Mapping[str, float], reference: Mapping[str, float]) -> dict[str, float]:
     """Ratios of the times for the same standard errors, of the parameters that there are."""
-    return {name: variances[name] / reference[name] for name in PARAMETERS if np.isfinite(reference[name])}
+    return {
+        name: variances[name] / reference[name]
+        for name in PARAMETERS
+        if np.isfinite(reference[name])
+    }
 
 
 def _search(
@@ -251,7 +276,9 @@ def _search(
         steps = rng.standard_normal((CHILDREN, size))
         costs = []
         for step in steps:
-            commands = experiment.draw(_dwells(_normalise(mean + spread * step)), seed, generation, count=SEARCH_DRAWS)
+            commands = experiment.draw(
+                _dwells(_normalise(mean + spread * step)), seed, generation, count=SEARCH_DRAWS
+            )
             ratios = [*_ratios(experiment.variances(commands), reference).values()]
             costs.append(max(ratios) + TIE * sum(ratios))
         step = shares @ steps[np.argsort(costs)[:PARENTS]]
@@ -277,7 +304,9 @@ def _find_range(
         ends = dict.fromkeys(FACTORS, nominal)
         for side, factors in FACTORS.items():
             for value in (factor * nominal for factor in factors):
-                other = replace(experiment, settings=experiment.settings.model_copy(update={setting: value}))
+                other = replace(
+                    experiment, settings=experiment.settings.model_copy(update={setting: value})
+                )
                 if not _is_better(other, commands, prbs):
                     break
                 ends[side] = value
@@ -285,7 +314,9 @@ def _find_range(
     return ranges
 
 
-def _is_better(experiment: Experiment, commands: Sequence[np.ndarray], prbs: Sequence[np.ndarray]) -> bool:
+def _is_better(
+    experiment: Experiment, commands: Sequence[np.ndarray], prbs: Sequence[np.ndarray]
+) -> bool:
     try:
         ratios = _ratios(experiment.variances(commands), experiment.variances(prbs))
     except UnstableLoopError:

@@ -49,7 +49,11 @@ OPTIONS: Mapping[str, Range | None] = {
     "basis": None,
     "delay": (0.01, 0.1, 0.001),
 }
-LABELS = {"delay": "reflex delay", "snr_db": "signal-to-noise ratio", "voluntary": "voluntary torque, relative"}
+LABELS = {
+    "delay": "reflex delay",
+    "snr_db": "signal-to-noise ratio",
+    "voluntary": "voluntary torque, relative",
+}
 LOOK: Mapping[str, Any] = {"style": {"description_width": "170px"}, "layout": {"width": "430px"}}
 
 
@@ -65,12 +69,22 @@ def explore() -> widgets.Widget:
 
 def make_controls() -> dict[str, widgets.Widget]:
     """Widgets of settings by their names, and of each method and its options by the letter and the name."""
-    controls = {name: make_widget(SimulationSettings, name, limits) for name, limits in SETTINGS.items()}
-    controls["bootstrap"] = widgets.Checkbox(description="intervals by bootstrap (slower)", value=False, **LOOK)
+    controls = {
+        name: make_widget(SimulationSettings, name, limits) for name, limits in SETTINGS.items()
+    }
+    controls["bootstrap"] = widgets.Checkbox(
+        description="intervals by bootstrap (slower)", value=False, **LOOK
+    )
     for letter, method in START.items():
-        methods = widgets.Dropdown(description=f"method {letter}", options=list(METHODS), value=method, **LOOK)
-        options = {name: make_widget(MoespOptions, name, limits) for name, limits in OPTIONS.items()}
-        controls |= {f"{letter} {name}": widget for name, widget in {"method": methods, **options}.items()}
+        methods = widgets.Dropdown(
+            description=f"method {letter}", options=list(METHODS), value=method, **LOOK
+        )
+        options = {
+            name: make_widget(MoespOptions, name, limits) for name, limits in OPTIONS.items()
+        }
+        controls |= {
+            f"{letter} {name}": widget for name, widget in {"method": methods, **options}.items()
+        }
     return controls
 
 
@@ -78,7 +92,11 @@ def make_widget(model: type[Options], name: str, limits: Range | None) -> widget
     """Widget of a setting or an option, with its default."""
     default, unit = model.defaults()[name], model.unit(name)
     label = LABELS.get(name, name.replace("_", " "))
-    shared = {"description": label if unit == "1" else f"{label} [{unit}]", "value": default, **LOOK}
+    shared = {
+        "description": label if unit == "1" else f"{label} [{unit}]",
+        "value": default,
+        **LOOK,
+    }
     if isinstance(default, bool):
         return widgets.Checkbox(**shared)
     if limits is None:
@@ -90,7 +108,9 @@ def make_widget(model: type[Options], name: str, limits: Range | None) -> widget
     low, high, step = limits
     shared |= {"step": step, "continuous_update": False}
     if name in LOGARITHMIC:
-        return widgets.FloatLogSlider(min=np.log10(low), max=np.log10(high), readout_format=".3g", **shared)
+        return widgets.FloatLogSlider(
+            min=np.log10(low), max=np.log10(high), readout_format=".3g", **shared
+        )
     if isinstance(default, int):
         return widgets.IntSlider(min=low, max=high, **shared)
     return widgets.FloatSlider(min=low, max=high, readout_format=".3g", **shared)
@@ -113,7 +133,9 @@ def show_experiment(*, bootstrap: bool, **values: Any) -> None:
         try:
             estimates[label] = identify(trial, method, **options)
             if bootstrap and not estimates[label].intervals:
-                intervals = block_bootstrap(trial, method, repetitions=REPETITIONS, block=BLOCK, **options).intervals()
+                intervals = block_bootstrap(
+                    trial, method, repetitions=REPETITIONS, block=BLOCK, **options
+                ).intervals()
                 estimates[label].intervals.update(intervals)
             remarks += [f"{label}: {text}" for text in estimates[label].diagnostics["warnings"]]
         except NUMERICAL_ERRORS as error:
@@ -130,7 +152,9 @@ def simulate_trial(**settings: Any) -> PreparedTrial:
     return prepare(simulate(seed=SEED, duration=DURATION, **settings))
 
 
-def tabulate_parameters(settings: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> pd.DataFrame:
+def tabulate_parameters(
+    settings: Mapping[str, Any], estimates: Mapping[str, Estimate]
+) -> pd.DataFrame:
     """True and estimated parameters as text, with 95 % intervals where there are some."""
     model = SimulationSettings(**settings)
     truth = {"K": model.stiffness, "B": model.viscosity, "I": model.inertia, "G": model.reflex_gain}
@@ -143,7 +167,9 @@ def tabulate_parameters(settings: Mapping[str, Any], estimates: Mapping[str, Est
             if name in truth
         }
     table = pd.DataFrame(columns, index=list(truth)).fillna("–")
-    return table.set_axis([f"{QUANTITIES[name].symbol} [{QUANTITIES[name].unit}]" for name in truth])
+    return table.set_axis(
+        [f"{QUANTITIES[name].symbol} [{QUANTITIES[name].unit}]" for name in truth]
+    )
 
 
 def _format(value: float, ends: tuple[float, float] | None = None) -> str:

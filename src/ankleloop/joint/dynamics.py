@@ -11,7 +11,9 @@ import numpy as np
 from ankleloop.joint.model_fields import Stored
 from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
 
-LIMIT = np.log(1e4)  # of the logarithm of a parameter, in rad/s or 1: no reflex is as fast, or as damped
+LIMIT = np.log(
+    1e4
+)  # of the logarithm of a parameter, in rad/s or 1: no reflex is as fast, or as damped
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,13 @@ class ReflexDynamics:
 
 
 # Candidates for the start of a search, by the number of poles; frequencies and poles in rad/s.
-GRIDS = {2: [ReflexDynamics(omega, zeta) for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0) for zeta in (0.5, 1.0)]}
+GRIDS = {
+    2: [
+        ReflexDynamics(omega, zeta)
+        for omega in (10.0, 15.0, 22.0, 33.0, 50.0, 75.0)
+        for zeta in (0.5, 1.0)
+    ]
+}
 GRIDS[3] = [replace(dynamics, pole=pole) for pole in (15.0, 40.0, 120.0) for dynamics in GRIDS[2]]
 
 
@@ -73,7 +81,9 @@ def fit_dynamics(
 
     Shapes: response (F,), s (F,), weight (F,).
     """
-    from scipy.optimize import leastsq  # here, because its import takes time and riv does not need it
+    from scipy.optimize import (
+        leastsq,
+    )  # here, because its import takes time and riv does not need it
 
     root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
     target = root * response

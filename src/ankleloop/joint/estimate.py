@@ -106,7 +106,10 @@ class Estimate:
         return [text for text in self.diagnostics.get("warnings", ()) if text not in about_data]
 
     def predict(
-        self, trial: xr.Dataset | PreparedTrial, *, cycle_onsets: str | Sequence[float] | None = None
+        self,
+        trial: xr.Dataset | PreparedTrial,
+        *,
+        cycle_onsets: str | Sequence[float] | None = None,
     ) -> Estimate:
         """The estimate with the torques that its model gives on another trial, from a state of rest.
 
@@ -133,11 +136,15 @@ class Estimate:
             If the trial is unusable, or the method has no model to predict with.
         """
         if self.predictor is None:
-            raise DataError(f"{self.method} has no fixed model to predict with: identify by another method.")
+            raise DataError(
+                f"{self.method} has no fixed model to predict with: identify by another method."
+            )
         prepared, predictor = prepare(trial), self.predictor
         torque = predictor.predict(prepared, cycle_onsets)
         warnings = [*self.diagnostics.get("warnings", ()), *predictor.check_range(prepared)]
-        prediction = replace(self, torque=torque, diagnostics={**self.diagnostics, "warnings": warnings})
+        prediction = replace(
+            self, torque=torque, diagnostics={**self.diagnostics, "warnings": warnings}
+        )
         add_measured(prediction, prepared)
         return prediction
 
@@ -146,7 +153,11 @@ class Estimate:
         """VAF of the net torque [%] without the first and the last second; None without a measured torque."""
         time = self.torque["time"]
         part = self.torque.sel(time=slice(time[0] + TRIM, time[-1] - TRIM))
-        return vaf(part[MEASURED], part["net"]) if MEASURED in part and part.sizes["time"] > 1 else None
+        return (
+            vaf(part[MEASURED], part["net"])
+            if MEASURED in part and part.sizes["time"] > 1
+            else None
+        )
 
     def summary(self) -> pd.DataFrame:
         """The parameters as a table.
@@ -172,7 +183,9 @@ class Estimate:
             for name, quantity in QUANTITIES.items()
             if name in values
         }
-        table = pd.DataFrame.from_dict(rows, orient="index", columns=["value", "low", "high", "unit"])
+        table = pd.DataFrame.from_dict(
+            rows, orient="index", columns=["value", "low", "high", "unit"]
+        )
         return table.rename_axis("parameter")
 
     def plot(self, trial: xr.Dataset | PreparedTrial | None = None) -> Figure:
@@ -210,12 +223,19 @@ class Estimate:
         """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""
         if not isinstance(other, Estimate):
             return NotImplemented
-        pairs = [(getattr(self, name), getattr(other, name)) for name in ("method", "stiffness", "reflex", "intervals")]
+        pairs = [
+            (getattr(self, name), getattr(other, name))
+            for name in ("method", "stiffness", "reflex", "intervals")
+        ]
         return all(mine == theirs for mine, theirs in pairs) and self.torque.identical(other.torque)
 
     def __repr__(self) -> str:
-        table = self.summary().to_string(float_format="{:.4g}".format, na_rep="–", index_names=False)
-        return "\n  ".join([f"<Estimate by {self.method}>", *table.splitlines(), *self._list_remarks()])
+        table = self.summary().to_string(
+            float_format="{:.4g}".format, na_rep="–", index_names=False
+        )
+        return "\n  ".join(
+            [f"<Estimate by {self.method}>", *table.splitlines(), *self._list_remarks()]
+        )
 
     def _repr_html_(self) -> str:
         """The same in a notebook."""
@@ -226,8 +246,16 @@ class Estimate:
     def _list_remarks(self) -> list[str]:
         """Net VAF, where the delay comes from, what is missing or assumed, and warnings."""
         score, delay = self.vaf_net, "estimated" if "delay" in self.intervals else "assumed"
-        lines = [f"reflex delay: {delay}"] if score is None else [f"net VAF: {score:.1f} %; reflex delay: {delay}"]
-        for kind, label in {"missing": "missing", "assumptions": "assumed", "warnings": "warning"}.items():
+        lines = (
+            [f"reflex delay: {delay}"]
+            if score is None
+            else [f"net VAF: {score:.1f} %; reflex delay: {delay}"]
+        )
+        for kind, label in {
+            "missing": "missing",
+            "assumptions": "assumed",
+            "warnings": "warning",
+        }.items():
             lines += [f"{label}: {text}" for text in self.diagnostics.get(kind, ())]
         return lines
 
@@ -236,5 +264,8 @@ def add_measured(estimate: Estimate, trial: PreparedTrial) -> None:
     """Put the measured torque of a trial, less its mean, beside those of an estimate, at their times."""
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
     values = trial.channel_at("torque", time, rate)
-    attributes = {"units": "N·m", "long_name": "measured torque"}  # as in `torque_dataset`, in a third of the time
+    attributes = {
+        "units": "N·m",
+        "long_name": "measured torque",
+    }  # as in `torque_dataset`, in a third of the time
     estimate.torque[MEASURED] = ("time", values - values.mean(), attributes)

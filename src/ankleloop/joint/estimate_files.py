@@ -32,14 +32,22 @@ JSON = "json"  # the diagnostics
 
 MEMORY = 2**21  # bytes of a table that are in memory before they go to a temporary file
 ROWS = 25  # estimates of a row group
-TABLE: Any = {"compression": "zstd", "use_dictionary": False, "write_page_checksum": True}  # no number occurs twice
+TABLE: Any = {
+    "compression": "zstd",
+    "use_dictionary": False,
+    "write_page_checksum": True,
+}  # no number occurs twice
 # Groups that a table holds as JSON, by their columns.
-COLUMNS = {"reflex": "reflex_parameters"} | {name: name for name in ("stiffness", "intervals", "model", "trajectories")}
+COLUMNS = {"reflex": "reflex_parameters"} | {
+    name: name for name in ("stiffness", "intervals", "model", "trajectories")
+}
 
 ARRAY, COMPLEX = "$array", "$complex"  # keys that mark them
 
 
-def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+def save_estimate(
+    estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False
+) -> None:
     """Write an estimate and its model to a file, from which `load_estimate` reads the same estimate.
 
     docs/reference/estimates.md describes the file field by field, and how another program computes torques from it.
@@ -77,9 +85,17 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
     if not isinstance(estimate, Estimate):
         raise TypeError(f"save_estimate: estimate must be an Estimate, got {show_value(estimate)}.")
     warnings = " ".join(estimate.diagnostics.get("warnings", ()))
-    attributes = {"format": FORMAT, "format_version": VERSION, "method": estimate.method, "warnings": warnings}
+    attributes = {
+        "format": FORMAT,
+        "format_version": VERSION,
+        "method": estimate.method,
+        "warnings": warnings,
+    }
     groups = {"": xr.Dataset(attrs=attributes), "torque": estimate.torque}
-    groups |= {name: _parameter_dataset(getattr(estimate, name)) for name in ("stiffness", "reflex", "intervals")}
+    groups |= {
+        name: _parameter_dataset(getattr(estimate, name))
+        for name in ("stiffness", "reflex", "intervals")
+    }
     if estimate.predictor is not None:
         groups["model"] = model_dataset(estimate.predictor)
     if estimate.trajectories is not None:
@@ -89,7 +105,12 @@ def save_estimate(estimate: Estimate, path: str | os.PathLike[str], *, overwrite
 
 
 def _parameter_dataset(values: Mapping[str, Any]) -> xr.Dataset:
-    data = xr.Dataset({name: (("end",)[: np.ndim(value)], np.array(value, float)) for name, value in values.items()})
+    data = xr.Dataset(
+        {
+            name: (("end",)[: np.ndim(value)], np.array(value, float))
+            for name, value in values.items()
+        }
+    )
     for name in values.keys() & QUANTITIES.keys():
         data[name].attrs = {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].name}
     return data
@@ -122,7 +143,9 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
     """
     path = check_path("load_estimate", "path", path)
     groups = read_groups(path, VARIABLE)
-    with name_errors(path, "estimate file", "restore it from a copy, or identify again and save it"):
+    with name_errors(
+        path, "estimate file", "restore it from a copy, or identify again and save it"
+    ):
         file = groups[""]
         if "format" not in file.values or file.text("format") != FORMAT:
             raise DataError(
@@ -144,7 +167,11 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     torques = {name: torque.array(name, time.size, finite=False) for name in names}
     stiffness, reflex, intervals = (
         {name: group.array(name, finite=False).tolist() for name in group.values}
-        for group in (groups["stiffness"], groups["reflex"], groups.get("intervals", Fields("", {})))
+        for group in (
+            groups["stiffness"],
+            groups["reflex"],
+            groups.get("intervals", Fields("", {})),
+        )
     )
     return Estimate(
         method=groups[""].text("method"),
@@ -154,7 +181,9 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
         intervals={name: (low, high) for name, (low, high) in intervals.items()},
         diagnostics=load_values(groups["diagnostics"].text(JSON)),
         predictor=read_model(groups["model"]) if "model" in groups else None,
-        trajectories=read_trajectories(groups["trajectories"]) if "trajectories" in groups else None,
+        trajectories=read_trajectories(groups["trajectories"])
+        if "trajectories" in groups
+        else None,
     )
 
 
@@ -175,8 +204,14 @@ class EstimateTable:
     """
 
     def __init__(self, precision: str = "double", folder: PathLike | None = None) -> None:
-        columns = dict.fromkeys(("point", "name", "method", "diagnostics", *COLUMNS.values()), pa.string())
-        columns |= {"number": pa.int64(), "identification_rate": pa.float64(), "time": pa.list_(pa.float64())}
+        columns = dict.fromkeys(
+            ("point", "name", "method", "diagnostics", *COLUMNS.values()), pa.string()
+        )
+        columns |= {
+            "number": pa.int64(),
+            "identification_rate": pa.float64(),
+            "time": pa.list_(pa.float64()),
+        }
         columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(np.dtype(precision))))
         self._precision = precision
         self._schema = pa.schema(columns)
@@ -187,9 +222,20 @@ class EstimateTable:
     def add(self, estimate: Estimate, *, point: str, name: str, number: int) -> None:
         """Add the estimate of a trial, by a name of its method, at a point of a study."""
         torque, course = estimate.torque, estimate.trajectories
-        row = {"point": point, "name": name, "number": number, "method": estimate.method, "time": torque["time"].values}
-        row |= torque.attrs | {signal: torque[signal].values.astype(self._precision) for signal in TORQUES}
-        groups = {name: getattr(estimate, name) for name in ("stiffness", "reflex", "intervals", "diagnostics")}
+        row = {
+            "point": point,
+            "name": name,
+            "number": number,
+            "method": estimate.method,
+            "time": torque["time"].values,
+        }
+        row |= torque.attrs | {
+            signal: torque[signal].values.astype(self._precision) for signal in TORQUES
+        }
+        groups = {
+            name: getattr(estimate, name)
+            for name in ("stiffness", "reflex", "intervals", "diagnostics")
+        }
         if estimate.predictor is not None:
             groups["model"] = dump_model(estimate.predictor)
         if course is not None:
@@ -207,7 +253,9 @@ class EstimateTable:
             parquet.ParquetWriter(file, self._schema, **TABLE) as writer,
         ):
             for start in range(0, self._count, ROWS):
-                rows = [pickle.load(self._rows) for _ in range(start, min(start + ROWS, self._count))]
+                rows = [
+                    pickle.load(self._rows) for _ in range(start, min(start + ROWS, self._count))
+                ]
                 writer.write_table(pa.Table.from_pylist(rows, self._schema))
 
 
@@ -224,7 +272,9 @@ def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int
             table = parquet.read_table(path, filters=filters, page_checksum_verification=True)
             for row in table.to_pylist():
                 source = f"{path}, row {row['number']}"
-                groups = {group: load_values(row[name]) for group, name in COLUMNS.items() if row[name]}
+                groups = {
+                    group: load_values(row[name]) for group, name in COLUMNS.items() if row[name]
+                }
                 groups |= {"": row, "torque": row, "diagnostics": {JSON: row["diagnostics"]}}
                 fields = {group: Fields(source, values) for group, values in groups.items()}
                 estimates[row["number"]] = _read_estimate(fields)
@@ -246,7 +296,11 @@ def _mark(value: Any) -> Any:
     if isinstance(value, xr.Variable):  # of a group, whose fields are read as numbers of a shape
         return value.values.tolist()
     if isinstance(value, np.ndarray):
-        return {ARRAY: value.ravel().tolist(), "dtype": str(value.dtype), "shape": list(value.shape)}
+        return {
+            ARRAY: value.ravel().tolist(),
+            "dtype": str(value.dtype),
+            "shape": list(value.shape),
+        }
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, complex):

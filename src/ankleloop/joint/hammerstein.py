@@ -17,7 +17,9 @@ BIN = 0.2  # Hz
 CANDIDATES = 60  # thresholds on a grid
 LEAST_RAMP = 0.95  # share of the curve that a ramp explains: 0.97 where G is right, 0.04 to 0.75 where it is wrong
 LEAST_BEYOND = 0.1  # share of the velocities that have to exceed the threshold
-LEAST_DYNAMICS = 0.9  # share that one linear system explains of the path, and a low-pass of that system
+LEAST_DYNAMICS = (
+    0.9  # share that one linear system explains of the path, and a low-pass of that system
+)
 QUANTILES = np.linspace(0.005, 0.995, 200)
 
 
@@ -35,7 +37,10 @@ class ReflexPath:
     def curve(self) -> dict[str, np.ndarray]:
         """Torque beyond that at rest [N·m] over the quantiles of the velocity [rad/s]."""
         velocity = self.basis.quantiles
-        return {"velocity": velocity, "torque": self.coefficients @ (self.basis(velocity) - self.basis(np.zeros(1)))}
+        return {
+            "velocity": velocity,
+            "torque": self.coefficients @ (self.basis(velocity) - self.basis(np.zeros(1))),
+        }
 
     @cached_property
     def rectifier(self) -> tuple[float, float, float]:
@@ -57,7 +62,11 @@ class ReflexPath:
             explained = gains * products
             best = int(np.argmax(explained))
             low, high = grid[max(best - 1, 0)], grid[min(best + 1, CANDIDATES - 1)]
-        return float(gains[best]), float(grid[best]), float(explained[best] / (deviation @ deviation))
+        return (
+            float(gains[best]),
+            float(grid[best]),
+            float(explained[best] / (deviation @ deviation)),
+        )
 
     @cached_property
     def fault(self) -> str | None:
@@ -65,12 +74,20 @@ class ReflexPath:
         _, threshold, ramp = self.rectifier
         for share, least, text in (
             (ramp, LEAST_RAMP, "a ramp explains {:.2f} of the curve of torque over velocity"),
-            (self.rank_one, LEAST_DYNAMICS, "one linear system explains {:.2f} of the reflex torque"),
+            (
+                self.rank_one,
+                LEAST_DYNAMICS,
+                "one linear system explains {:.2f} of the reflex torque",
+            ),
             (self.low_pass, LEAST_DYNAMICS, "a low-pass explains {:.2f} of the reflex dynamics"),
         ):
             if share < least:
                 return f"{text.format(share)} ({least:g} are needed)"
-        beyond = 1.0 if self.basis.kind == "rectifier" else float(np.mean(self.basis.quantiles > threshold))
+        beyond = (
+            1.0
+            if self.basis.kind == "rectifier"
+            else float(np.mean(self.basis.quantiles > threshold))
+        )
         if beyond < LEAST_BEYOND:
             return f"the ramp begins at {threshold:.2g} rad/s, which only {100 * beyond:.0f} % of the record exceed"
         return None
@@ -79,7 +96,9 @@ class ReflexPath:
     def parameters(self) -> dict[str, float]:
         """G [N·m·s/rad], threshold [rad/s] of a basis that can have one, ωn [rad/s], ζ, and the pole p [rad/s]."""
         gain, threshold, _ = self.rectifier
-        rectifier = {"G": gain} if self.basis.kind == "rectifier" else {"G": gain, "threshold": threshold}
+        rectifier = (
+            {"G": gain} if self.basis.kind == "rectifier" else {"G": gain, "threshold": threshold}
+        )
         return {**rectifier, **{name: float(value) for name, value in self.dynamics.values.items()}}
 
     @property
@@ -126,10 +145,14 @@ class DriveSpectra(NamedTuple):
         deviations = drive - drive.mean(axis=0)
         covariance = deviations.T @ deviations / (len(drive) - 1)
         root = np.linalg.cholesky(covariance + 1e-10 * np.diag(np.diag(covariance)))
-        return cls(2j * np.pi * centres, np.moveaxis(np.add.reduceat(products, starts, axis=2), 2, 0), root)
+        return cls(
+            2j * np.pi * centres, np.moveaxis(np.add.reduceat(products, starts, axis=2), 2, 0), root
+        )
 
 
-def separate_path(responses: np.ndarray, spectra: DriveSpectra, basis: Basis, order: int = 2) -> ReflexPath:
+def separate_path(
+    responses: np.ndarray, spectra: DriveSpectra, basis: Basis, order: int = 2
+) -> ReflexPath:
     r"""Separate responses to the basis functions, at `spectra.s`, into a static nonlinearity and linear dynamics.
 
     The responses of a Hammerstein system to its basis functions are one response times a coefficient each. So the
@@ -150,7 +173,9 @@ def separate_path(responses: np.ndarray, spectra: DriveSpectra, basis: Basis, or
     autospectra = np.einsum("fkk->fk", power)
     weight = np.mean(autospectra / autospectra.sum(axis=0), axis=1)
     weighted = np.sqrt(weight)[:, None] * (responses @ root)
-    _, values, directions = np.linalg.svd(np.vstack([weighted.real, weighted.imag]), full_matrices=False)
+    _, values, directions = np.linalg.svd(
+        np.vstack([weighted.real, weighted.imag]), full_matrices=False
+    )
     if not values[0] > 0:
         raise DataError("the model has no reflex torque, so there is nothing to separate.")
     coefficients = np.linalg.solve(root.T, directions[0])
@@ -169,7 +194,9 @@ class Basis:
     degree: Annotated[int, Stored()]  # number of terms
     # Largest velocity magnitude: the Chebyshev polynomials take the velocity divided by it.
     scale: Annotated[float, Stored(name="basis_scale", unit="rad/s")]
-    knots: Annotated[np.ndarray, Stored("knot", name="basis_knots", unit="rad/s")]  # knots of the cubic spline
+    knots: Annotated[
+        np.ndarray, Stored("knot", name="basis_knots", unit="rad/s")
+    ]  # knots of the cubic spline
     # Velocities of the record that are equally frequent [rad/s]; they only serve pictures.
     quantiles: np.ndarray = field(default_factory=lambda: np.empty(0))
 
@@ -190,7 +217,9 @@ class Basis:
         if self.kind == "chebyshev":
             # The constant would repeat one row through the whole Hankel matrix: offsets are removed as means instead.
             return np.polynomial.chebyshev.chebvander(velocity / self.scale, self.degree).T[1:]
-        from scipy.interpolate import BSpline  # here, because its import takes time and the other bases do not need it
+        from scipy.interpolate import (
+            BSpline,
+        )  # here, because its import takes time and the other bases do not need it
 
         clipped = np.clip(velocity, self.knots[0], self.knots[-1])
         # B-splines sum to one, and means are removed: one of them would be redundant.
@@ -207,14 +236,18 @@ def fit_basis(velocity: np.ndarray, kind: str, degree: int) -> Basis:
     """
     scale = float(np.max(np.abs(velocity)))
     if scale == 0:
-        raise DataError("the velocity is zero throughout: the position channel carries no perturbation.")
+        raise DataError(
+            "the velocity is zero throughout: the position channel carries no perturbation."
+        )
     knots = np.empty(0)
     if kind == "spline":
         if degree < 4:
             raise ValueError(f"a cubic spline basis needs a degree of at least 4, got {degree}.")
         inner = np.quantile(velocity, np.linspace(0, 1, degree - 1))
         if np.any(np.diff(inner) <= 0):
-            raise DataError("the velocity dwells on too few values for a spline basis: use fewer terms or a rectifier.")
+            raise DataError(
+                "the velocity dwells on too few values for a spline basis: use fewer terms or a rectifier."
+            )
         knots = np.concatenate(([inner[0]] * 3, inner, [inner[-1]] * 3))
     ordered = np.sort(velocity[:: max(1, velocity.size // 5000)])  # faster than so many partitions
     quantiles = np.interp(QUANTILES * (ordered.size - 1), np.arange(ordered.size), ordered)

@@ -13,7 +13,9 @@ import xarray as xr
 from ankleloop.trials.group_files import Fields
 
 Part = TypeVar("Part")
-evaluate_types = cache(partial(get_type_hints, include_extras=True))  # of fields, which Python keeps as texts
+evaluate_types = cache(
+    partial(get_type_hints, include_extras=True)
+)  # of fields, which Python keeps as texts
 
 
 class Stored(NamedTuple):
@@ -46,7 +48,11 @@ def dump_fields(part: Any) -> dict[str, str | xr.Variable]:
         if stored is None:
             values |= dump_fields(value)
         elif value is not None:
-            variable = value if isinstance(value, str) else as_variable(value, stored.dimension, stored.unit)
+            variable = (
+                value
+                if isinstance(value, str)
+                else as_variable(value, stored.dimension, stored.unit)
+            )
             values[stored.name or field] = variable
     return values
 

@@ -17,9 +17,22 @@ from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.hammerstein import Basis
 from ankleloop.joint.model_fields import Stored, as_variable, dump_fields, read_fields
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import INTRINSIC_NAMES, MOTION, Grid, InputStep, Regressors, torque_dataset
+from ankleloop.joint.regressors import (
+    INTRINSIC_NAMES,
+    MOTION,
+    Grid,
+    InputStep,
+    Regressors,
+    torque_dataset,
+)
 from ankleloop.joint.time_varying_course import Splines, course_values, cycle_place, find_onsets
-from ankleloop.signals.decimation import decimate, decimation_factor, decimation_margin, decimation_taps, velocity_taps
+from ankleloop.signals.decimation import (
+    decimate,
+    decimation_factor,
+    decimation_margin,
+    decimation_taps,
+    velocity_taps,
+)
 from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.trials.group_files import Fields
@@ -34,7 +47,9 @@ class ModelInputs:
     """Inputs of a model: position, velocity, acceleration, and basis functions of the delayed velocity."""
 
     basis: Basis  # basis functions, with the scale or the knots of the record that was fitted
-    delay: Annotated[float, Stored(unit="s")]  # reflex delay, by which the velocity of the basis functions is late
+    delay: Annotated[
+        float, Stored(unit="s")
+    ]  # reflex delay, by which the velocity of the basis functions is late
     identification_rate: Annotated[float, Stored(unit="Hz")]  # rate of the inputs
     # Rate of the record that was fitted; another trial may have another one.
     recording_rate: Annotated[float, Stored(unit="Hz")]
@@ -53,7 +68,9 @@ class ModelInputs:
 
         The order in memory decides the last bits of a product: so a model from a file gives those of the first one.
         """
-        A, B, C, D = (np.ascontiguousarray(part) for part in (matrices.A, matrices.B, matrices.C, matrices.D))
+        A, B, C, D = (
+            np.ascontiguousarray(part) for part in (matrices.A, matrices.B, matrices.C, matrices.D)
+        )
         terms = self.basis.names
         delays = (0.0,) * MOTION + (self.delay,) * len(terms)
         return Matrices(A, B, C, D, matrices.dt, ((*INTRINSIC_NAMES, *terms), ("torque",)), delays)
@@ -61,7 +78,9 @@ class ModelInputs:
     def regressors(self, trial: PreparedTrial) -> Regressors:
         """Inputs of another trial, with the basis, the delay and the rate of this model."""
         rate, step = self.identification_rate, self.omitted_step
-        return trial.regressors(delay=self.delay, basis=self.basis, identification_rate=rate, omitted_step=step)
+        return trial.regressors(
+            delay=self.delay, basis=self.basis, identification_rate=rate, omitted_step=step
+        )
 
     def kernels(self) -> dict[str, xr.Variable]:
         """Kernels of `decimate` and `differentiate` as plain sums of kernel · x(n - lag) over recorded samples n.
@@ -71,11 +90,17 @@ class ModelInputs:
         if self.omitted_step is not None:
             return {}
         factor = decimation_factor(self.recording_rate, self.identification_rate)
-        margin, designs = decimation_margin(factor), [decimation_taps(factor, derivative) for derivative in range(3)]
+        margin, designs = (
+            decimation_margin(factor),
+            [decimation_taps(factor, derivative) for derivative in range(3)],
+        )
         padded = [np.pad(taps, margin - half) for taps, half in designs]
         kernels = self.identification_rate ** np.arange(3)[:, None] * padded
         taps, half, whole = velocity_taps(self.recording_rate, self.delay)
-        decimation_lags, velocity_lags = np.arange(-margin, margin + 1), np.arange(-half, half + 1) + whole
+        decimation_lags, velocity_lags = (
+            np.arange(-margin, margin + 1),
+            np.arange(-half, half + 1) + whole,
+        )
         return {
             "decimation_kernel": as_variable(kernels, ("derivative", "decimation_lag")),
             "decimation_lag": as_variable(decimation_lags, "decimation_lag", "recorded samples"),
@@ -90,7 +115,9 @@ class JointModel:
 
     inputs: ModelInputs  # how its inputs are made of a trial
 
-    def predict(self, trial: PreparedTrial, cycle_onsets: str | Sequence[float] | None = None) -> xr.Dataset:
+    def predict(
+        self, trial: PreparedTrial, cycle_onsets: str | Sequence[float] | None = None
+    ) -> xr.Dataset:
         """Torques of a trial, from a state of rest; a joint that changes may need the onsets of its cycles."""
         return self.simulate(trial, self.inputs.regressors(trial))
 
@@ -101,7 +128,9 @@ class JointModel:
     def check_range(self, trial: PreparedTrial) -> list[str]:
         """Warning about velocities for which the basis functions were not fitted."""
         basis = self.inputs.basis
-        low, high = (basis.knots[0], basis.knots[-1]) if basis.knots.size else (-basis.scale, basis.scale)
+        low, high = (
+            (basis.knots[0], basis.knots[-1]) if basis.knots.size else (-basis.scale, basis.scale)
+        )
         velocity, margin = trial.velocity(self.inputs.delay), RIPPLE * (high - low)
         outside = (velocity < low - margin) | (velocity > high + margin)
         if basis.kind == "rectifier" or not outside.any():
@@ -130,8 +159,12 @@ class StateSpaceModel(JointModel):
 class PhysicalModel(JointModel):
     """Physical parameters in continuous time, as refined instrumental variables estimate them."""
 
-    stiffness: Annotated[np.ndarray, Stored("parameter")]  # shape (3,): K [N·m/rad], B [N·m·s/rad], I [kg·m²]
-    coefficients: Annotated[np.ndarray, Stored("basis_function")]  # shape (k,): torque per basis function
+    stiffness: Annotated[
+        np.ndarray, Stored("parameter")
+    ]  # shape (3,): K [N·m/rad], B [N·m·s/rad], I [kg·m²]
+    coefficients: Annotated[
+        np.ndarray, Stored("basis_function")
+    ]  # shape (k,): torque per basis function
     dynamics: ReflexDynamics  # low-pass of unit gain behind the basis functions
     kind: ClassVar[str] = "physical"
 
@@ -158,7 +191,9 @@ class ResponseModel(JointModel):
     """Two impulse responses at the identification rate, as the parallel cascade estimates them."""
 
     # Shape (2 l + 1,): response to the position per sample, from l samples before it to l samples after it [N·m/rad].
-    intrinsic: Annotated[np.ndarray, Stored("intrinsic_lag", name="intrinsic_response", unit="N·m/rad")]
+    intrinsic: Annotated[
+        np.ndarray, Stored("intrinsic_lag", name="intrinsic_response", unit="N·m/rad")
+    ]
     # Shape (lags + 1,): response to the basis function of the delayed velocity per sample, from lag 0 on [N·m·s/rad].
     reflex: Annotated[np.ndarray, Stored("reflex_lag", name="reflex_response", unit="N·m·s/rad")]
     kind: ClassVar[str] = "impulse-responses"
@@ -177,11 +212,15 @@ class ResponseModel(JointModel):
         leads, samples = self.intrinsic.size // 2, regressors.torque.size
         rows = slice(max(leads, self.reflex.size - 1), samples - leads)
         if rows.stop - rows.start < 2:
-            raise DataError(f"the trial has {samples} samples, responses take {rows.start + leads}: record longer.")
+            raise DataError(
+                f"the trial has {samples} samples, responses take {rows.start + leads}: record longer."
+            )
         position, drive = regressors.inputs[:, 0], regressors.inputs[:, -1]
         intrinsic = np.convolve(position - position.mean(), self.intrinsic)[leads:][rows]
         reflex = np.convolve(drive - drive.mean(), self.reflex)[rows]
-        return torque_dataset(regressors.time[rows], regressors.rate, **sum_paths(intrinsic, reflex))
+        return torque_dataset(
+            regressors.time[rows], regressors.rate, **sum_paths(intrinsic, reflex)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,14 +232,22 @@ class TimeVaryingModel(JointModel):
     variable: Annotated[str | None, Stored()]
     # Phase, time from the first sample of a trial [s] or scheduling variable at the first and at the last place.
     limits: Annotated[np.ndarray, Stored("end")]
-    degree: Annotated[int, Stored(name="spline_degree")]  # degree of the splines: 3, or 0 for indicators of intervals
+    degree: Annotated[
+        int, Stored(name="spline_degree")
+    ]  # degree of the splines: 3, or 0 for indicators of intervals
     # Coefficients of the splines of K, B, G and I, of shape (splines,); a single one of I where it is constant.
-    stiffness: Annotated[np.ndarray, Stored("stiffness_spline", name="stiffness_splines", unit="N·m/rad")]
-    viscosity: Annotated[np.ndarray, Stored("viscosity_spline", name="viscosity_splines", unit="N·m·s/rad")]
+    stiffness: Annotated[
+        np.ndarray, Stored("stiffness_spline", name="stiffness_splines", unit="N·m/rad")
+    ]
+    viscosity: Annotated[
+        np.ndarray, Stored("viscosity_spline", name="viscosity_splines", unit="N·m·s/rad")
+    ]
     gain: Annotated[np.ndarray, Stored("gain_spline", name="gain_splines", unit="N·m·s/rad")]
     inertia: Annotated[np.ndarray, Stored("inertia_spline", name="inertia_splines", unit="kg·m²")]
     dynamics: ReflexDynamics  # low-pass of unit gain
-    torque_lag: Annotated[float, Stored(unit="s")] = 0.0  # lag of the torque channel behind the position
+    torque_lag: Annotated[float, Stored(unit="s")] = (
+        0.0  # lag of the torque channel behind the position
+    )
     # Position at which the elastic torque is zero; None for the mean position of a trial.
     rest_position: Annotated[float | None, Stored(unit="rad")] = None
     kind: ClassVar[str] = "time-varying"
@@ -208,17 +255,27 @@ class TimeVaryingModel(JointModel):
 
     def parameters(self, place: np.ndarray) -> list[np.ndarray]:
         """K, B, G and I at places, four arrays of the shape of `place`; beyond 0 … 1 those of the next end."""
-        periodic, coefficients = self.dimension == "phase", (self.stiffness, self.viscosity, self.gain, self.inertia)
-        return [Splines(c.size, periodic, self.degree if c.size > 1 else 0)(place) @ c for c in coefficients]
+        periodic, coefficients = (
+            self.dimension == "phase",
+            (self.stiffness, self.viscosity, self.gain, self.inertia),
+        )
+        return [
+            Splines(c.size, periodic, self.degree if c.size > 1 else 0)(place) @ c
+            for c in coefficients
+        ]
 
-    def predict(self, trial: PreparedTrial, cycle_onsets: str | Sequence[float] | None = None) -> xr.Dataset:
+    def predict(
+        self, trial: PreparedTrial, cycle_onsets: str | Sequence[float] | None = None
+    ) -> xr.Dataset:
         """Torques of a trial, from a state of rest."""
         grid = trial.grid(self.inputs.identification_rate, self.inputs.delay)
         if self.dimension != "phase":
             return self.torques(trial, grid, self._share(trial, grid))
         onsets = self.variable if cycle_onsets is None else cycle_onsets
         if onsets is None:
-            raise DataError("the model varies with the cycle: give predict the cycle_onsets of this trial.")
+            raise DataError(
+                "the model varies with the cycle: give predict the cycle_onsets of this trial."
+            )
         place = cycle_place(trial.grid_times(grid), find_onsets(trial, onsets), 0.5 / trial.rate)
         return self.torques(trial, grid, place)
 
@@ -263,14 +320,21 @@ class TimeVaryingModel(JointModel):
 Model = StateSpaceModel | PhysicalModel | ResponseModel | TimeVaryingModel
 KINDS: dict[str, type[Model]] = {model.kind: model for model in get_args(Model)}
 # Dimensions of matrices: a product along the common one, A.dot(x), is a product of matrices.
-AXES = {"A": ("next_state", "state"), "B": ("next_state", "input"), "C": ("output", "state"), "D": ("output", "input")}
+AXES = {
+    "A": ("next_state", "state"),
+    "B": ("next_state", "input"),
+    "C": ("output", "state"),
+    "D": ("output", "input"),
+}
 
 
 def read_model(fields: Fields) -> Model:
     """The model whose `kind` and fields a file holds."""
     kind = fields.text("kind")
     if kind not in KINDS:
-        raise DataError(f"{fields.source}: unknown kind of model {kind!r}; known: {', '.join(KINDS)}.")
+        raise DataError(
+            f"{fields.source}: unknown kind of model {kind!r}; known: {', '.join(KINDS)}."
+        )
     inputs = read_fields(ModelInputs, fields)
     if kind != StateSpaceModel.kind:
         return read_fields(KINDS[kind], fields, inputs=inputs)
@@ -283,7 +347,11 @@ def read_model(fields: Fields) -> Model:
 
 def dump_model(model: Model) -> dict[str, str | xr.Variable]:
     """Kind and fields of a model, from which it is read."""
-    matrices = {name: as_variable(getattr(model.matrices, name), axes) for name, axes in AXES.items() if model.matrices}
+    matrices = {
+        name: as_variable(getattr(model.matrices, name), axes)
+        for name, axes in AXES.items()
+        if model.matrices
+    }
     return {"kind": model.kind, **dump_fields(model), **matrices}
 
 
@@ -297,19 +365,29 @@ def model_dataset(model: Model) -> xr.Dataset:
     if isinstance(model, ResponseModel):
         fields |= model.lags()
     texts = {name: value for name, value in fields.items() if isinstance(value, str)}
-    return xr.Dataset({name: value for name, value in fields.items() if name not in texts}, names, texts)
+    return xr.Dataset(
+        {name: value for name, value in fields.items() if name not in texts}, names, texts
+    )
 
 
-def simulate_torques(model: Matrices, initial_state: np.ndarray | None, regressors: Regressors) -> xr.Dataset:
+def simulate_torques(
+    model: Matrices, initial_state: np.ndarray | None, regressors: Regressors
+) -> xr.Dataset:
     """Torques of a linear model with the inputs of one path at a time; the initial state belongs to the reflex.
 
     Shapes: initial_state (n,).
     """
     paths, inputs = [], (slice(MOTION), slice(MOTION, None))
     for u, columns, state in zip(regressors.centred, inputs, (None, initial_state), strict=True):
-        paths.append(simulate_response(model.A, model.B[:, columns], model.C, model.D[:, columns], u, state)[:, 0])
+        paths.append(
+            simulate_response(model.A, model.B[:, columns], model.C, model.D[:, columns], u, state)[
+                :, 0
+            ]
+        )
     if not np.isfinite(paths).all():
-        raise DataError("the estimated torques are not finite: the model does not suit the record; lower its order.")
+        raise DataError(
+            "the estimated torques are not finite: the model does not suit the record; lower its order."
+        )
     return torque_dataset(regressors.time, regressors.rate, **sum_paths(*paths))
 
 

@@ -17,7 +17,9 @@ from ankleloop.signals.decimation import decimate, decimation_factor, differenti
 from ankleloop.signals.reference import predict_decimated
 from ankleloop.trials.trial import validate
 
-NO_REFERENCE = "Give the command of the servo as reference, or reference='position' for an open-loop record."
+NO_REFERENCE = (
+    "Give the command of the servo as reference, or reference='position' for an open-loop record."
+)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -50,9 +52,15 @@ class PreparedTrial:
     def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
         self.trial = trial if validated else validate(trial)
         self.rate = float(self.trial.attrs["sampling_rate"])
-        self.time: np.ndarray = trial.variables["time"].values  # of every sample [s], shape (samples,)
-        self.samples = {str(name): variable.values for name, variable in self.trial.variables.items()}  # as recorded
-        self.computed: dict[Hashable, Any] = {}  # values by what they were computed of; they must not be changed
+        self.time: np.ndarray = trial.variables[
+            "time"
+        ].values  # of every sample [s], shape (samples,)
+        self.samples = {
+            str(name): variable.values for name, variable in self.trial.variables.items()
+        }  # as recorded
+        self.computed: dict[
+            Hashable, Any
+        ] = {}  # values by what they were computed of; they must not be changed
 
     def clear(self) -> None:
         """Free all computed values.
@@ -62,7 +70,9 @@ class PreparedTrial:
         """
         self.computed.clear()
 
-    def check_variable(self, name: str, use: str = "to serve as reference", remedy: str = NO_REFERENCE) -> None:
+    def check_variable(
+        self, name: str, use: str = "to serve as reference", remedy: str = NO_REFERENCE
+    ) -> None:
         """Refuse a variable that the trial does not have."""
         if name not in self.trial:
             known = ", ".join(map(str, self.trial))
@@ -87,7 +97,9 @@ class PreparedTrial:
         Shapes: time (N,); returns (N,).
         """
         first = round((float(time[0]) - float(self.time[0])) * self.rate)
-        return self.channel(name, Grid(decimation_factor(self.rate, identification_rate), first, time.size))
+        return self.channel(
+            name, Grid(decimation_factor(self.rate, identification_rate), first, time.size)
+        )
 
     @once
     def velocity(self, delay: float) -> np.ndarray:
@@ -97,7 +109,10 @@ class PreparedTrial:
     @once
     def motion(self, grid: Grid) -> list[np.ndarray]:
         """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
-        return [decimate(self.samples["position"], *grid, rate=self.rate, derivative=order) for order in range(3)]
+        return [
+            decimate(self.samples["position"], *grid, rate=self.rate, derivative=order)
+            for order in range(3)
+        ]
 
     @once
     def regressors(
@@ -147,17 +162,28 @@ class PreparedTrial:
         position = predict_decimated(regressors.inputs[:, 0], self.samples[name], grid, self.rate)
         predicted = copy(self)
         predicted.samples, predicted.computed = self.samples | {"position": position}, {}
-        return _make_inputs(predicted, regressors.delay, regressors.basis, 1, grid, regressors.omitted_step)[1]
+        return _make_inputs(
+            predicted, regressors.delay, regressors.basis, 1, grid, regressors.omitted_step
+        )[1]
 
 
 @once
 def _make_inputs(
-    trial: PreparedTrial, delay: float, basis: str | Basis, degree: int, grid: Grid, omitted_step: InputStep | None
+    trial: PreparedTrial,
+    delay: float,
+    basis: str | Basis,
+    degree: int,
+    grid: Grid,
+    omitted_step: InputStep | None,
 ) -> tuple[Basis, np.ndarray]:
     """Basis and inputs, which regressors with any reference share."""
     velocity = trial.velocity(delay)
     fitted = basis if isinstance(basis, Basis) else fit_basis(velocity, basis, degree)
-    motion = _take_differences(trial, grid) if omitted_step == "kernel-derivatives" else trial.motion(grid)
+    motion = (
+        _take_differences(trial, grid)
+        if omitted_step == "kernel-derivatives"
+        else trial.motion(grid)
+    )
     late = omitted_step == "early-nonlinearity"
     terms = fitted(decimate(velocity, *grid)) if late else decimate(fitted(velocity), *grid)
     return fitted, np.column_stack([*motion, *terms])
@@ -179,7 +205,9 @@ def _take_differences(trial: PreparedTrial, grid: Grid) -> list[np.ndarray]:
 
     The kernel of the position is shorter than those of its derivatives: it reaches two samples further.
     """
-    extended = decimate(trial.samples["position"], grid.factor, grid.first - 2 * grid.factor, grid.samples + 4)
+    extended = decimate(
+        trial.samples["position"], grid.factor, grid.first - 2 * grid.factor, grid.samples + 4
+    )
     interval = grid.factor / trial.rate
     velocity = (extended[2:] - extended[:-2]) / (2 * interval)
     return [extended[2:-2], velocity[1:-1], (velocity[2:] - velocity[:-2]) / (2 * interval)]

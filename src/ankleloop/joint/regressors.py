@@ -11,7 +11,11 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.joint.hammerstein import Basis
-from ankleloop.signals.decimation import decimation_factor, decimation_margin, differentiation_margin
+from ankleloop.signals.decimation import (
+    decimation_factor,
+    decimation_margin,
+    differentiation_margin,
+)
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
 MOTION = len(INTRINSIC_NAMES)
@@ -37,7 +41,9 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
     first, after = recording_margins(rate, factor, delay)
     count = (samples - 1 - after - first) // factor + 1
     if count < 2:
-        raise DataError(f"the record of {samples / rate:.3g} s is too short for its filters. Record longer.")
+        raise DataError(
+            f"the record of {samples / rate:.3g} s is too short for its filters. Record longer."
+        )
     return Grid(factor, first, count)
 
 
@@ -53,7 +59,9 @@ class Regressors:
     """Inputs and output of an identification on one record."""
 
     time: np.ndarray  # shape (N,): time in the record [s]
-    inputs: np.ndarray  # shape (N, 3 + k): P, Ṗ, P̈ and the k basis functions of the delayed velocity
+    inputs: (
+        np.ndarray
+    )  # shape (N, 3 + k): P, Ṗ, P̈ and the k basis functions of the delayed velocity
     torque: np.ndarray  # shape (N,): measured net torque [N·m]
     basis: Basis  # basis of the nonlinearity, with its scale or knots
     delay: float  # reflex delay [s]
@@ -73,13 +81,17 @@ class Regressors:
         """Boolean mask of the inputs of the reflex path, shape (3 + k,)."""
         return np.arange(self.inputs.shape[1]) >= MOTION
 
-    def fit_stiffness(self, torque: np.ndarray, rows: np.ndarray | slice = slice(None)) -> dict[str, float]:
+    def fit_stiffness(
+        self, torque: np.ndarray, rows: np.ndarray | slice = slice(None)
+    ) -> dict[str, float]:
         """K, B and I of the second-order model that explains a torque best, by least squares.
 
         Shapes: torque (M,).
         """
         motion = self.inputs[rows, :MOTION]
-        values = np.linalg.lstsq(motion - motion.mean(axis=0), torque - np.mean(torque), rcond=None)[0]
+        values = np.linalg.lstsq(
+            motion - motion.mean(axis=0), torque - np.mean(torque), rcond=None
+        )[0]
         return dict(zip("KBI", map(float, values), strict=True))
 
 
@@ -94,6 +106,9 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
     ('N·m', 100.0)
     """
     names = {name: f"{'' if name == MEASURED else 'estimated '}{name} torque" for name in torques}
-    variables = {name: ("time", values, {"units": "N·m", "long_name": names[name]}) for name, values in torques.items()}
+    variables = {
+        name: ("time", values, {"units": "N·m", "long_name": names[name]})
+        for name, values in torques.items()
+    }
     coordinate = ("time", np.asarray(time, dtype=float), {"units": "s", "long_name": "time"})
     return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": float(rate)})

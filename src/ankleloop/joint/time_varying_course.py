@@ -18,13 +18,18 @@ from ankleloop.trials.group_files import Fields
 MARGIN = 0.75  # s at either end of a record that responses and filters touch
 FEWEST_CYCLES = 8
 SEGMENT = 1.0  # s: segments of a record without cycles, which count as independent
-OUTSIDE = 0.02  # share of the samples at either end of a scheduling variable that lie beyond its range
+OUTSIDE = (
+    0.02  # share of the samples at either end of a scheduling variable that lie beyond its range
+)
 UNEVEN = 1.8  # ratio of a cycle to the median one, or of that to a cycle: an onset is missing, or one too many
 SAME_PHASE = 1e-4
-COMMON = 0.5  # share of its fast changes that a scheduling variable may have in common with the position
+COMMON = (
+    0.5  # share of its fast changes that a scheduling variable may have in common with the position
+)
 FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
 NO_VARIABLE = (
-    "Name one of these, or read another one with the trial: variables of read_trial, a further array of new_trial."
+    "Name one of these, or read another one with the trial: variables of read_trial, a further "
+    "array of new_trial."
 )
 COORDINATES = {
     "phase": ("1", "phase of the cycle"),
@@ -32,7 +37,11 @@ COORDINATES = {
     "schedule": ("", "scheduling variable"),
 }
 NAMES = ("K", "B", "G", "I")
-ENDS = {"": "{}", "_low": "lower end of the 95 % band of the {}", "_high": "upper end of the 95 % band of the {}"}
+ENDS = {
+    "": "{}",
+    "_low": "lower end of the 95 % band of the {}",
+    "_high": "upper end of the 95 % band of the {}",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +55,9 @@ class Course:
     rows: slice  # samples that count; they are whole segments
     # Shape (rows,): number of the cycle, or of the segment of a record without cycles, of each of them.
     segment: np.ndarray
-    since: np.ndarray  # shape (rows,): samples since the onset of the cycle; of the segment, without cycles
+    since: (
+        np.ndarray
+    )  # shape (rows,): samples since the onset of the cycle; of the segment, without cycles
 
     @property
     def periodic(self) -> bool:
@@ -62,7 +73,11 @@ class Course:
     def equal_cycles(self) -> int:
         """Samples of each cycle where all have the same number and phases, else 0."""
         sizes = np.bincount(self.segment)
-        if not self.periodic or np.ptp(sizes) > 0 or np.ptp(self.place[self.rows][:: sizes[0]]) > SAME_PHASE:
+        if (
+            not self.periodic
+            or np.ptp(sizes) > 0
+            or np.ptp(self.place[self.rows][:: sizes[0]]) > SAME_PHASE
+        ):
             return 0
         return int(sizes[0])
 
@@ -88,7 +103,9 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
     else:
         values = np.asarray(onsets, dtype=float)
     if values.ndim != 1 or values.size < 2:
-        raise DataError("there are fewer than two onsets of cycles: give the start of every cycle in seconds.")
+        raise DataError(
+            "there are fewer than two onsets of cycles: give the start of every cycle in seconds."
+        )
     durations = np.diff(values)
     if not (durations > 0).all():
         k = int(np.argmin(durations > 0)) + 1
@@ -99,7 +116,9 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
     cycle = float(np.median(durations))
     beyond = values[0] < time[0] - 1.5 * cycle or values[-1] > time[-1] + 1.5 * cycle
     missing = values[0] > time[0] + 2.5 * cycle or values[-1] < time[-1] - 2.5 * cycle
-    if (beyond and missing) or cycle > time[-1] - time[0]:  # those of a whole trial cover its segments
+    if (beyond and missing) or cycle > time[-1] - time[
+        0
+    ]:  # those of a whole trial cover its segments
         raise DataError(
             f"the onsets go from {values[0]:g} to {values[-1]:g} s, the record from {time[0]:g} to {time[-1]:g} s: "
             "give them in seconds of the record, not milliseconds or samples; a segment keeps the times of its trial."
@@ -113,7 +132,9 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
     return values
 
 
-def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] | None, schedule: str | None) -> Course:
+def make_course(
+    trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] | None, schedule: str | None
+) -> Course:
     """Course of a trial: over cycles if their onsets are known, over a scheduling variable, or over time."""
     if onsets is not None:
         return _follow_cycles(trial, grid, find_onsets(trial, onsets))
@@ -131,7 +152,9 @@ def make_course(trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] 
     else:
         dimension, limits = "schedule", _schedule_limits(trial, grid, schedule, rows)
     place = (values - limits[0]) / (limits[1] - limits[0])
-    return Course(dimension, np.clip(place, 0.0, 1.0), limits, rows, number // length, number % length)
+    return Course(
+        dimension, np.clip(place, 0.0, 1.0), limits, rows, number // length, number % length
+    )
 
 
 def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Course:
@@ -149,7 +172,14 @@ def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cour
     first, stop = np.searchsorted(time, edges[[0, -1]] - half)
     segment = np.searchsorted(edges, time[first:stop] + half, side="right") - 1
     since = np.arange(segment.size) - np.searchsorted(segment, segment)
-    return Course("phase", cycle_place(time, onsets, half), (0.0, 1.0), slice(int(first), int(stop)), segment, since)
+    return Course(
+        "phase",
+        cycle_place(time, onsets, half),
+        (0.0, 1.0),
+        slice(int(first), int(stop)),
+        segment,
+        since,
+    )
 
 
 def cycle_place(time: np.ndarray, onsets: np.ndarray, half: float) -> np.ndarray:
@@ -172,7 +202,9 @@ def course_values(trial: PreparedTrial, grid: Grid, schedule: str | None) -> np.
     return trial.channel(schedule, grid)
 
 
-def _schedule_limits(trial: PreparedTrial, grid: Grid, name: str, rows: slice) -> tuple[float, float]:
+def _schedule_limits(
+    trial: PreparedTrial, grid: Grid, name: str, rows: slice
+) -> tuple[float, float]:
     """Range of most samples of a scheduling variable, which must not hold the perturbation, as the measured angle does.
 
     Second differences leave movements of a second or longer out.
@@ -186,7 +218,9 @@ def _schedule_limits(trial: PreparedTrial, grid: Grid, name: str, rows: slice) -
         )
     for channel in (name for name in ("position", "reference") if name in trial.trial):
         with np.errstate(invalid="ignore"):  # a signal without such changes has no correlation
-            share = np.corrcoef(np.diff(values, 2), np.diff(trial.channel(channel, grid), 2))[0, 1] ** 2
+            share = (
+                np.corrcoef(np.diff(values, 2), np.diff(trial.channel(channel, grid), 2))[0, 1] ** 2
+            )
         if share > COMMON:
             raise DataError(
                 f"{name} follows the perturbation: {100 * share:.0f} % of its fast changes are those of the {channel}. "
@@ -207,10 +241,16 @@ def trajectory_dataset(
     variables = {}
     for name in NAMES:
         for end, text in ENDS.items() if name in values else ():
-            attributes = {"units": QUANTITIES[name].unit, "long_name": text.format(QUANTITIES[name].name)}
+            attributes = {
+                "units": QUANTITIES[name].unit,
+                "long_name": text.format(QUANTITIES[name].name),
+            }
             variables[name + end] = (dimension, values[name + end], attributes)
     unit, long_name = COORDINATES[dimension]
-    attributes = {"units": schedule.get("variable_unit") or unit, "long_name": schedule.get("variable") or long_name}
+    attributes = {
+        "units": schedule.get("variable_unit") or unit,
+        "long_name": schedule.get("variable") or long_name,
+    }
     stated = {name: text for name, text in schedule.items() if text}
     return xr.Dataset(variables, {dimension: (dimension, coordinate, attributes)}, stated)
 
@@ -221,7 +261,9 @@ def read_trajectories(fields: Fields) -> xr.Dataset:
     coordinate = fields.array(dimension)
     names = [name + end for name in NAMES for end in ENDS if name != "I" or name in fields.values]
     values = {name: fields.array(name, coordinate.size, finite=False) for name in names}
-    stated = {name: fields.text(name) for name in ("variable", "variable_unit") if name in fields.values}
+    stated = {
+        name: fields.text(name) for name in ("variable", "variable_unit") if name in fields.values
+    }
     return trajectory_dataset(dimension, coordinate, values, **stated)
 
 
@@ -235,13 +277,17 @@ class Splines:
 
     def __call__(self, place: np.ndarray) -> np.ndarray:
         """Values of the splines at places, shape (N, size); beyond 0 … 1 those at the next end."""
-        from scipy.interpolate import BSpline  # here, because its import takes time and only such joints need it
+        from scipy.interpolate import (
+            BSpline,
+        )  # here, because its import takes time and only such joints need it
 
         intervals = self.size if self.periodic or self.degree == 0 else self.size - 3
         knots = np.arange(-self.degree, intervals + self.degree + 1.0)
         scaled = np.clip(place, 0.0, 1.0) * intervals
         values = BSpline.design_matrix(scaled, knots, self.degree).toarray()
-        values[:, : values.shape[1] - self.size] += values[:, self.size :]  # those beyond the end of a period
+        values[:, : values.shape[1] - self.size] += values[
+            :, self.size :
+        ]  # those beyond the end of a period
         return values[:, : self.size]
 
     @cached_property

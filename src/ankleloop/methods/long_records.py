@@ -16,9 +16,21 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import TORQUES, Regressors, decimation_grid, recording_margins, torque_dataset
+from ankleloop.joint.regressors import (
+    TORQUES,
+    Regressors,
+    decimation_grid,
+    recording_margins,
+    torque_dataset,
+)
 from ankleloop.methods.method import INPUTS, add_warnings, data_use
-from ankleloop.methods.moesp import MEMBERS, MoespModelOptions, describe_model, separate_reflex, subspace_arguments
+from ankleloop.methods.moesp import (
+    MEMBERS,
+    MoespModelOptions,
+    describe_model,
+    separate_reflex,
+    subspace_arguments,
+)
 from ankleloop.options import check_flag, check_integer, check_path
 from ankleloop.signals.decimation import differentiate, differentiation_margin
 from ankleloop.signals.statespace import simulate_states
@@ -31,7 +43,9 @@ if TYPE_CHECKING:
 
 CHUNK = 50_000  # identified samples that are in memory
 CHECKED_SAMPLES = 100_000  # identified samples whose data are checked at a time
-SEPARATION_SAMPLES = 100_000  # identified samples whose spectrum weighs the separation of the reflex path
+SEPARATION_SAMPLES = (
+    100_000  # identified samples whose spectrum weighs the separation of the reflex path
+)
 VELOCITIES = 1_000_000  # largest number of velocities, evenly spread, to which the basis is fitted
 
 
@@ -90,12 +104,16 @@ def identify_file(
     """
     output = check_path("identify_file", "output", output)
     if method not in list(MEMBERS):
-        raise DataError(f"long records are identified by {', '.join(MEMBERS)}, not by the method {method!r}.")
+        raise DataError(
+            f"long records are identified by {', '.join(MEMBERS)}, not by the method {method!r}."
+        )
     chosen = MoespModelOptions.parse(f"method {method!r} of long records", **options)
     check_integer("identify_file", "chunk", chunk, "samples", ge=1)
     check_flag("identify_file", "overwrite", overwrite)
     if not isinstance(record, LongRecord):
-        raise TypeError(f"record must be an ankleloop.LongRecord, got {type(record).__name__}: identify takes trials.")
+        raise TypeError(
+            f"record must be an ankleloop.LongRecord, got {type(record).__name__}: identify takes trials."
+        )
     check_output(output, overwrite=overwrite, source=record.path)
     reference = "reference" if MEMBERS[method][0] == "past-reference" else None
     if reference and record.reference is None:
@@ -106,10 +124,14 @@ def identify_file(
     beginning = chunks.regressors(0, min(SEPARATION_SAMPLES, chunks.grid.samples))
     model = moesp_chunks(chunks.signals, **subspace_arguments(chosen, beginning, method))
     with atomic_netcdf(output, overwrite=overwrite) as file:
-        file.attrs.update({"method": method, "identification_rate": beginning.rate, "source": record.path.name})
+        file.attrs.update(
+            {"method": method, "identification_rate": beginning.rate, "source": record.path.name}
+        )
         vaf = chunks.write_torques(model, file)
     # An index of the time would take it, and several times its size, into memory.
-    torque = xr.open_dataset(output, engine="h5netcdf", decode_times=False, create_default_indexes=False)
+    torque = xr.open_dataset(
+        output, engine="h5netcdf", decode_times=False, create_default_indexes=False
+    )
     path = separate_reflex(model, [beginning])
     estimate = describe_model(method, model, beginning, model.initial_state, path, torque)
     estimate.diagnostics["vaf"] = vaf
@@ -120,17 +142,24 @@ def identify_file(
 class _Chunks:
     """Regressors of a record, a chunk at a time: chunks overlap by the margins of the filters, their samples do not."""
 
-    def __init__(self, record: LongRecord, reference: str | None, options: MoespModelOptions, chunk: int) -> None:
+    def __init__(
+        self, record: LongRecord, reference: str | None, options: MoespModelOptions, chunk: int
+    ) -> None:
         self.record, self.reference, self.options = record, reference, options
         self.chunk = chunk  # identified samples
-        self.grid = decimation_grid(record.samples, record.rate, options.identification_rate, options.delay)
+        self.grid = decimation_grid(
+            record.samples, record.rate, options.identification_rate, options.delay
+        )
         self.edges = [*range(0, self.grid.samples, chunk), self.grid.samples]
 
     def _read(self, start: int, stop: int) -> PreparedTrial:
         """What the identified samples from `start` to `stop` are made of."""
         factor, first, _ = self.grid
         after = recording_margins(self.record.rate, factor, self.options.delay)[1]
-        channels, last = ["position", "torque", *filter(None, [self.reference])], factor * (stop - 1) + first + after
+        channels, last = (
+            ["position", "torque", *filter(None, [self.reference])],
+            factor * (stop - 1) + first + after,
+        )
         return PreparedTrial(self.record.read(factor * start, last + 1, channels), validated=True)
 
     def check(self) -> list[str]:
@@ -141,7 +170,9 @@ class _Chunks:
         use, rate = data_use(self.options, self.reference), self.options.identification_rate
         count = max(1, round(self.grid.samples / CHECKED_SAMPLES))
         warnings: list[str] = []
-        for start, stop in pairwise(np.linspace(0, self.grid.samples, count + 1).astype(int).tolist()):
+        for start, stop in pairwise(
+            np.linspace(0, self.grid.samples, count + 1).astype(int).tolist()
+        ):
             try:
                 texts = check_data([self._read(start, stop)], use)
             except DataError as refusal:
@@ -156,20 +187,30 @@ class _Chunks:
         """Fit the basis to velocities that are evenly spread over the record, scaled by the largest of all."""
         record, options = self.record, self.options
         step, velocities, largest = -(-record.samples // VELOCITIES), [], 0.0
-        margin = 2 * sum(map(abs, differentiation_margin(record.rate, options.delay)))  # more than the kernel is long
-        for start, stop in pairwise([*range(0, record.samples, self.grid.factor * self.chunk), record.samples]):
+        margin = 2 * sum(
+            map(abs, differentiation_margin(record.rate, options.delay))
+        )  # more than the kernel is long
+        for start, stop in pairwise(
+            [*range(0, record.samples, self.grid.factor * self.chunk), record.samples]
+        ):
             begin = max(start - margin, 0)
             position = record.read(begin, stop + margin, ["position"])["position"].values
-            velocity = differentiate(position, record.rate, options.delay)[start - begin : stop - begin]
+            velocity = differentiate(position, record.rate, options.delay)[
+                start - begin : stop - begin
+            ]
             largest = max(largest, float(np.abs(velocity).max()))
-            velocities.append(velocity[-start % step :: step].copy())  # a view would keep all of it in memory
+            velocities.append(
+                velocity[-start % step :: step].copy()
+            )  # a view would keep all of it in memory
         basis = fit_basis(np.concatenate(velocities), options.basis or "chebyshev", options.degree)
         self.basis = replace(basis, scale=largest)
 
     def regressors(self, start: int, stop: int) -> Regressors:
         """Regressors of the identified samples from `start` to `stop`."""
         inputs = self.options.model_dump(include=INPUTS)
-        return self._read(start, stop).regressors(**inputs, basis=self.basis, reference=self.reference)
+        return self._read(start, stop).regressors(
+            **inputs, basis=self.basis, reference=self.reference
+        )
 
     def signals(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
         """Inputs, torque and reference of all chunks; the sums of inputs and torque are kept for their means."""
@@ -184,9 +225,13 @@ class _Chunks:
         """Last pass: torques of the model, a chunk at a time; returns the VAF of the net torque [%]."""
         count, empty = self.grid.samples, np.empty(0)
         file.dimensions = {"time": count}
-        template = torque_dataset(empty, self.options.identification_rate, **dict.fromkeys(TORQUES, empty))
+        template = torque_dataset(
+            empty, self.options.identification_rate, **dict.fromkeys(TORQUES, empty)
+        )
         for name, variable in template.variables.items():
-            stored = file.create_variable(str(name), ("time",), float, chunks=(min(self.chunk, count),))
+            stored = file.create_variable(
+                str(name), ("time",), float, chunks=(min(self.chunk, count),)
+            )
             stored.attrs.update(variable.attrs)
         *input_means, torque_mean = self.sums / count
         model, state = estimate.matrices, estimate.initial_state.copy()
@@ -198,14 +243,26 @@ class _Chunks:
             A, B, drive = map(np.ascontiguousarray, (path.A, path.B, u[:, part.reflex]))
             states, state = simulate_states(A, B, drive, state)
             reflex = states @ path.C[0] + u[:, part.reflex] @ path.D[0]
-            torques = {"time": part.time, "net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
+            torques = {
+                "time": part.time,
+                "net": intrinsic + reflex,
+                "intrinsic": intrinsic,
+                "reflex": reflex,
+            }
             for name, values in torques.items():
                 file.variables[name][start:stop] = values
             measured = part.torque - torque_mean
             error = measured - torques["net"]
-            energy, residual, total = energy + measured @ measured, residual + error @ error, total + reflex.sum()
+            energy, residual, total = (
+                energy + measured @ measured,
+                residual + error @ error,
+                total + reflex.sum(),
+            )
         mean = total / count
         for start, stop in pairwise(self.edges):
-            for name in ("net", "reflex"):  # the intrinsic torque has no mean, because its inputs have none
+            for name in (
+                "net",
+                "reflex",
+            ):  # the intrinsic torque has no mean, because its inputs have none
                 file.variables[name][start:stop] -= mean
         return float(100.0 * (1.0 - (residual / count - mean**2) / (energy / count)))

@@ -25,7 +25,11 @@ class MethodOptions(Options):
     """Options that all methods have."""
 
     identification_rate: float = option(
-        100.0, "rate of the identification; the sampling rate has to be a multiple of it", unit="Hz", ge=1, le=10000
+        100.0,
+        "rate of the identification; the sampling rate has to be a multiple of it",
+        unit="Hz",
+        ge=1,
+        le=10000,
     )
 
 
@@ -39,7 +43,8 @@ class BasisOptions(MethodOptions):
     """Options of methods that have several static nonlinearities."""
 
     basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
-        None, "basis of the static nonlinearity; null for the method's own: the rectifier in riv, else chebyshev"
+        None,
+        "basis of the static nonlinearity; null for the method's own: the rectifier in riv, else chebyshev",
     )
     degree: int = option(5, "number of basis functions (the rectifier has one)", ge=1, le=30)
 
@@ -47,7 +52,9 @@ class BasisOptions(MethodOptions):
 class RectifierOptions(MethodOptions):
     """Options of methods that have the rectifier alone."""
 
-    basis: Literal["rectifier"] | None = option(None, "static nonlinearity; null for the only one, the rectifier")
+    basis: Literal["rectifier"] | None = option(
+        None, "static nonlinearity; null for the only one, the rectifier"
+    )
 
 
 class RefinedOptions(MethodOptions):
@@ -56,10 +63,12 @@ class RefinedOptions(MethodOptions):
     order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
     delay: float | None = option(None, "reflex delay; null estimates it", unit="s", ge=0, le=1)
     reference: str = option(
-        "reference", 'variable that the load cannot reach: the command of the servo, or "position" in open loop'
+        "reference",
+        'variable that the load cannot reach: the command of the servo, or "position" in open loop',
     )
     weighting: Literal["noise", "flat"] = option(
-        "noise", "weights of frequencies: inverse of the noise, best where the model holds; or flat, if it simplifies"
+        "noise",
+        "weights of frequencies: inverse of the noise, best where the model holds; or flat, if it simplifies",
     )
 
 
@@ -104,16 +113,22 @@ class Method:
         trials = [prepare(part) for part in cast(Any, trial if merged else [trial])]
         if merged:
             if not self.merges:
-                raise DataError(f"{self.name} identifies one trial at a time; only the MOESP family merges trials.")
+                raise DataError(
+                    f"{self.name} identifies one trial at a time; only the MOESP family merges trials."
+                )
             if not trials:
                 raise DataError("there are no trials to merge.")
             refuse_repeated_trials(trials)
         reference = self.reference(chosen)
         data_warnings = check_data(trials, data_use(chosen, reference))
-        estimates = self.identify(trials, chosen) if self.merges else [self.identify(trials[0], chosen)]
+        estimates = (
+            self.identify(trials, chosen) if self.merges else [self.identify(trials[0], chosen)]
+        )
         for part, estimate in zip(trials, estimates, strict=True):
             add_measured(estimate, part)
-            estimate.diagnostics.setdefault("assumptions", []).extend(_list_assumptions(chosen, reference))
+            estimate.diagnostics.setdefault("assumptions", []).extend(
+                _list_assumptions(chosen, reference)
+            )
             add_warnings(estimate, data_warnings)
         return estimates if merged else estimates[0]
 
@@ -122,7 +137,9 @@ def _list_assumptions(options: Any, reference: str | None) -> list[str]:
     """What the options take for granted; nothing in the record has to speak against it."""
     assumptions = []
     if reference is None:
-        assumptions.append("the loop is open: no reference is used, so torque that is fed back biases K, B, I and G.")
+        assumptions.append(
+            "the loop is open: no reference is used, so torque that is fed back biases K, B, I and G."
+        )
     elif reference == "position":
         assumptions.append("the loop is open: the position is its own reference.")
     elif getattr(options, "input_matrices", None) == "least-squares":
@@ -134,7 +151,9 @@ def _list_assumptions(options: Any, reference: str | None) -> list[str]:
 
 def data_use(options: Any, reference: str | None) -> DataUse:
     """What a method takes from its data under its options; what they do not have is as in `DataUse`."""
-    given = options.model_dump(include={"delay", "identification_rate", "order", "block_rows"}, exclude_none=True)
+    given = options.model_dump(
+        include={"delay", "identification_rate", "order", "block_rows"}, exclude_none=True
+    )
     if "block_rows" in given:
         given.setdefault("order", (options.block_rows - 1) // 2)  # the largest that may be chosen
     return DataUse(reference=reference, **given)
@@ -144,14 +163,22 @@ def add_warnings(estimate: Estimate, data_warnings: list[str]) -> None:
     """Add warnings about parameters that are no numbers, or that no joint has with all of their interval, and data."""
     diagnostics, values = estimate.diagnostics, {**estimate.stiffness, **estimate.reflex}
     missing = [name for name, value in values.items() if not isfinite(value)]
-    warnings = [f"{', '.join(missing)} could not be computed: do not use this estimate."] if missing else []
+    warnings = (
+        [f"{', '.join(missing)} could not be computed: do not use this estimate."]
+        if missing
+        else []
+    )
     for name, value in values.items():
         quantity, (low, high) = QUANTITIES[name], estimate.intervals.get(name, (value, value))
         least, most = quantity.plausible
         is_given = name == "delay" and name not in estimate.intervals
         if isfinite(value) and (high < least or low > most) and not is_given:
-            fault = "negative, which no joint has" if value < 0 else f"not within {least:g} … {most:g}"
-            warnings.append(f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate.")
+            fault = (
+                "negative, which no joint has" if value < 0 else f"not within {least:g} … {most:g}"
+            )
+            warnings.append(
+                f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate."
+            )
     diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *warnings, *data_warnings]
     if data_warnings:
         diagnostics["data_warnings"] = data_warnings

@@ -33,7 +33,9 @@ MEMBERS = {
     "po-moesp": ("past-input-output", "ordinary"),
     "moesp": ("none", "ordinary"),
 }
-OmittedStep = Literal["kernel-derivatives", "early-nonlinearity", "rank-policy", "scaling", "mean-removal"]
+OmittedStep = Literal[
+    "kernel-derivatives", "early-nonlinearity", "rank-policy", "scaling", "mean-removal"
+]
 
 OMITTED_STEPS: tuple[OmittedStep, ...] = get_args(OmittedStep)
 
@@ -49,16 +51,27 @@ POLYNOMIAL = "the reflex is a polynomial of the velocity: of a rectified one, fi
 class MoespModelOptions(KnownDelayOptions, BasisOptions):
     """Options of the model of the MOESP family, for records of any length."""
 
-    order: int | None = option(2, "order of the reflex; null: largest drop of the singular values", ge=1, le=20)
+    order: int | None = option(
+        2, "order of the reflex; null: largest drop of the singular values", ge=1, le=20
+    )
     block_rows: int = option(15, "block rows of the Hankel matrices", unit="samples", ge=3, le=200)
     projection: Literal["ordinary", "correlation"] | None = option(
-        None, "form of the projection; null for the method's own (correlation for eiv-moesp, else ordinary)"
+        None,
+        "form of the projection; null for the method's own (correlation for eiv-moesp, else ordinary)",
     )
     instrument_rows: int | None = option(
-        None, "block rows of the instruments; null for what the form needs", unit="samples", ge=1, le=1000
+        None,
+        "block rows of the instruments; null for what the form needs",
+        unit="samples",
+        ge=1,
+        le=1000,
     )
     instrument_leads: int = option(
-        0, "block rows by which the reference of pr-moesp reaches into the future as well", unit="samples", ge=0, le=200
+        0,
+        "block rows by which the reference of pr-moesp reaches into the future as well",
+        unit="samples",
+        ge=0,
+        le=200,
     )
     # A delayed velocity among the basis functions repeats rows of the velocity up to the accuracy of the decimation,
     # which is the default: smaller directions are errors of the filters.
@@ -73,10 +86,13 @@ class MoespOptions(MoespModelOptions):
     input_matrices: Literal["least-squares", "instruments"] = option(
         "least-squares", "how B and D are estimated; torque that is fed back biases least squares"
     )
-    reference: str = option("reference", 'variable that serves as reference; "position" for open-loop records')
+    reference: str = option(
+        "reference", 'variable that serves as reference; "position" for open-loop records'
+    )
     free_b: bool = option(False, "let position, velocity and acceleration drive the state as well")
     omitted_step: OmittedStep | None = option(
-        None, "step of the processing to leave out, to see what it is good for; null for the complete processing"
+        None,
+        "step of the processing to leave out, to see what it is good for; null for the complete processing",
     )
 
 
@@ -118,7 +134,10 @@ def identify_moesp(
     True
     """
     reference, step = _find_reference(member, options), options.omitted_step
-    inputs = options.model_dump(include=INPUTS) | {"basis": options.basis or "chebyshev", "reference": reference}
+    inputs = options.model_dump(include=INPUTS) | {
+        "basis": options.basis or "chebyshev",
+        "reference": reference,
+    }
     if len(trials) > 1:
         velocity = np.concatenate([trial.velocity(options.delay) for trial in trials])
         inputs["basis"] = fit_basis(velocity, inputs["basis"], options.degree)
@@ -152,11 +171,15 @@ def identify_moesp(
     return estimates
 
 
-def subspace_arguments(options: MoespModelOptions, regressors: Regressors, member: str) -> dict[str, Any]:
+def subspace_arguments(
+    options: MoespModelOptions, regressors: Regressors, member: str
+) -> dict[str, Any]:
     """Arguments of `ankleloop.subspace.moesp` beside the data."""
     instruments, projection = MEMBERS[member]
     return {
-        **options.model_dump(include={"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}),
+        **options.model_dump(
+            include={"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}
+        ),
         "instruments": instruments,
         "projection": options.projection or projection,
         "dt": 1.0 / options.identification_rate,
@@ -171,16 +194,27 @@ def separate_reflex(model: SubspaceEstimate, regressors: Sequence[Regressors]) -
     spectra = DriveSpectra.of(np.concatenate([part.centred[1] for part in regressors]), first.rate)
     order = 3 if len(model.matrices.A) == 3 else 2
     reflex = model.matrices.select_inputs(first.reflex)
-    return separate_path(reflex.frequency_response(np.exp(spectra.s / first.rate)), spectra, first.basis, order)
+    return separate_path(
+        reflex.frequency_response(np.exp(spectra.s / first.rate)), spectra, first.basis, order
+    )
 
 
 def describe_model(
-    member: str, model: SubspaceEstimate, part: Regressors, state: np.ndarray, path: ReflexPath, torque: xr.Dataset
+    member: str,
+    model: SubspaceEstimate,
+    part: Regressors,
+    state: np.ndarray,
+    path: ReflexPath,
+    torque: xr.Dataset,
 ) -> Estimate:
     """Estimate of a model, with K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
     inputs = ModelInputs.of(part)
     matrices = inputs.label(model.matrices)
-    diagnostics = {"singular_values": model.singular_values, **model.diagnostics, **path.diagnostics}
+    diagnostics = {
+        "singular_values": model.singular_values,
+        **model.diagnostics,
+        **path.diagnostics,
+    }
     if inputs.basis.kind == "chebyshev":
         diagnostics["assumptions"] = [POLYNOMIAL]
     return Estimate(
@@ -196,11 +230,21 @@ def describe_model(
 def _find_reference(member: str, options: MoespOptions) -> str | None:
     """The reference; None for members that have no use for one, and take a trial that has none."""
     instruments = MEMBERS[member][0]
-    return options.reference if instruments == "past-reference" or options.input_matrices == "instruments" else None
+    return (
+        options.reference
+        if instruments == "past-reference" or options.input_matrices == "instruments"
+        else None
+    )
 
 
 METHODS = tuple(
-    Method(name, MoespOptions, partial(identify_moesp, member=name), partial(_find_reference, name), merges=True)
+    Method(
+        name,
+        MoespOptions,
+        partial(identify_moesp, member=name),
+        partial(_find_reference, name),
+        merges=True,
+    )
     for name in MEMBERS
 )
 

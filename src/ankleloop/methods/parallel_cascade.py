@@ -26,26 +26,39 @@ class ParallelCascadeOptions(KnownDelayOptions, RectifierOptions):
     """Options of the parallel cascade."""
 
     max_passes: int | None = option(
-        None, "most passes; 1 is the method as published, null runs to convergence", ge=1, le=PASS_CEILING
+        None,
+        "most passes; 1 is the method as published, null runs to convergence",
+        ge=1,
+        le=PASS_CEILING,
     )
     tolerance: float = option(
-        0.001, "converged when a pass adds less than this to the net VAF", unit="points of VAF", ge=0, le=100
+        0.001,
+        "converged when a pass adds less than this to the net VAF",
+        unit="points of VAF",
+        ge=0,
+        le=100,
     )
     intrinsic_lags: float = option(
         0.04, "half length of the two-sided intrinsic impulse response", unit="s", ge=0, le=1
     )
-    reflex_lags: float = option(0.5, "length of the reflex impulse response", unit="s", ge=0.001, le=5)
+    reflex_lags: float = option(
+        0.5, "length of the reflex impulse response", unit="s", ge=0.001, le=5
+    )
 
 
 @once
-def _compress(trial: PreparedTrial, regressors: Regressors, leads: int, longest: int) -> list[np.ndarray]:
+def _compress(
+    trial: PreparedTrial, regressors: Regressors, leads: int, longest: int
+) -> list[np.ndarray]:
     """Lagged inputs of both paths, and the torque, in as few rows as they have columns: with the same inner products.
 
     Shapes: returns (columns, lags) of either path, (columns, 1).
     """
     first = max(leads, longest)
     position = sliding_window_view(regressors.inputs[first - leads :, 0], 2 * leads + 1)[:, ::-1]
-    drive = sliding_window_view(regressors.inputs[first - longest :, -1], longest + 1)[: len(position), ::-1]
+    drive = sliding_window_view(regressors.inputs[first - longest :, -1], longest + 1)[
+        : len(position), ::-1
+    ]
     lagged = np.vstack([position.T, drive.T, regressors.torque[first:][: len(position)]])
     lagged -= lagged.mean(axis=1, keepdims=True)
     triangle = update_factor(np.zeros((len(lagged),) * 2, order="F"), lagged.T)
@@ -84,7 +97,9 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     regressors = trial.regressors(**options.model_dump(include=INPUTS), basis="rectifier")
     rate = regressors.rate
     leads, longest = round(options.intrinsic_lags * rate), round(options.reflex_lags * rate)
-    rows = np.arange(max(leads, longest), regressors.torque.size - leads)  # samples that have all lags
+    rows = np.arange(
+        max(leads, longest), regressors.torque.size - leads
+    )  # samples that have all lags
     unknowns = 2 * leads + longest + 2
     if rows.size < 2 * unknowns:
         raise DataError(
@@ -99,7 +114,9 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     reflex = np.polyval(responses[1][::-1], np.exp(-spectra.s / rate))[:, None]
     path = separate_path(reflex, spectra, regressors.basis)
     passes = {"passes": len(history), "converged": converged, "history": history}
-    warnings = [] if converged or options.max_passes else [f"no convergence within {PASS_CEILING} passes"]
+    warnings = (
+        [] if converged or options.max_passes else [f"no convergence within {PASS_CEILING} passes"]
+    )
     return Estimate(
         method="parallel-cascade",
         torque=torque,
@@ -124,7 +141,11 @@ def _alternate(
         history.append(float(100 * (1 - residual @ residual / (target @ target))))
         converged = len(history) > 1 and history[-1] - history[-2] < options.tolerance
     pairs = zip(lagged, torques, strict=True)
-    return [np.linalg.lstsq(part, torque, rcond=SIGNIFICANT)[0] for part, torque in pairs], history, converged
+    return (
+        [np.linalg.lstsq(part, torque, rcond=SIGNIFICANT)[0] for part, torque in pairs],
+        history,
+        converged,
+    )
 
 
 METHODS = (Method("parallel-cascade", ParallelCascadeOptions, identify_parallel_cascade),)

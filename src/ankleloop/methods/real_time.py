@@ -22,9 +22,15 @@ class RealTimeOptions(KnownDelayOptions, RectifierOptions):
 
     memory: float = option(10.0, "time constant of forgetting", unit="s", ge=0.1, le=1e6)
     settling: float | None = option(
-        None, "time until the parameters count; null for the memory", unit="s", ge=SHORTEST_LEVEL, le=1e6
+        None,
+        "time until the parameters count; null for the memory",
+        unit="s",
+        ge=SHORTEST_LEVEL,
+        le=1e6,
     )
-    reflex_lags: float = option(0.4, "length of the reflex impulse response", unit="s", ge=0.001, le=5)
+    reflex_lags: float = option(
+        0.4, "length of the reflex impulse response", unit="s", ge=0.001, le=5
+    )
 
 
 def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estimate:
@@ -88,13 +94,17 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     motion[:, 0] -= motion[known, 0].mean()
     intrinsic, stiffness = _track(motion, torque, forgetting, chunk, first)
     drive, longest = regressors.inputs[:, -1], round(options.reflex_lags * rate)
-    padded = np.concatenate((np.full(longest, drive[0]), drive))  # before the record it has its first value
+    padded = np.concatenate(
+        (np.full(longest, drive[0]), drive)
+    )  # before the record it has its first value
     lagged = np.lib.stride_tricks.sliding_window_view(padded, longest + 1)[:, ::-1]
     reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)
     traces = dict(zip("KBIG", [*stiffness.T, responses.sum(axis=1)], strict=True))
     time = regressors.time[::chunk]
     traced = {f"trace_{name}": trace for name, trace in traces.items()}
-    means = {name: float(trace[time >= regressors.time[first]].mean()) for name, trace in traces.items()}
+    means = {
+        name: float(trace[time >= regressors.time[first]].mean()) for name, trace in traces.items()
+    }
     return Estimate(
         method="real-time",
         torque=torque_dataset(regressors.time, rate, **sum_paths(intrinsic, reflex)),
@@ -115,7 +125,11 @@ def _track(
     scale[scale == 0] = 1.0
     phi = np.column_stack([inputs / scale, np.ones(target.size)])
     unknowns = phi.shape[1]
-    information, projection, theta = np.zeros((unknowns, unknowns)), np.zeros(unknowns), np.zeros(unknowns)
+    information, projection, theta = (
+        np.zeros((unknowns, unknowns)),
+        np.zeros(unknowns),
+        np.zeros(unknowns),
+    )
     prediction = np.empty(target.size)
     parameters = np.empty((-(-target.size // chunk), unknowns - 1))
     for k, start in enumerate(range(0, target.size, chunk)):

@@ -21,13 +21,17 @@ NO_DEFAULT = (
     "or, if nothing was compliant while it was recorded (open loop), name a method: 'riv' or 'pr-moesp' with "
     "reference='position', 'pi-moesp', 'po-moesp', 'eiv-moesp', 'moesp', 'parallel-cascade' or 'real-time'."
 )
-METHODS: Mapping[str, Method] = {method.name: method for module in FAMILIES for method in module.METHODS}
+METHODS: Mapping[str, Method] = {
+    method.name: method for module in FAMILIES for method in module.METHODS
+}
 
 
 def find_method(name: str) -> Method:
     """The method of a name."""
     if not isinstance(name, str) or name not in METHODS:
-        raise ValueError(f"unknown method {name!r}{suggest_name(name, METHODS)}; known: {', '.join(METHODS)}.")
+        raise ValueError(
+            f"unknown method {name!r}{suggest_name(name, METHODS)}; known: {', '.join(METHODS)}."
+        )
     return METHODS[name]
 
 
@@ -94,16 +98,24 @@ def identify(
     ['B', 'I', 'K']
     """
     if method is None and isinstance(trial, (list, tuple)):
-        raise DataError("name the method for trials that are merged: one of the MOESP family, such as pr-moesp.")
+        raise DataError(
+            "name the method for trials that are merged: one of the MOESP family, such as pr-moesp."
+        )
     if method is None and "reference" not in prepare(cast(Trial, trial)).trial:
         raise DataError(NO_DEFAULT)
     entry = find_method(DEFAULT if method is None else method)
     if select is None and criterion is None:
         return entry(trial, **options)
-    candidates = check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
+    candidates = check_selection(
+        f"method {entry.name!r}", entry.options, options, select, criterion
+    )
     if isinstance(trial, (list, tuple)):
-        raise DataError("options are selected on one trial at a time: set them for trials that are merged.")
-    selection = select_options(cast(Trial, trial), entry, candidates, criterion=criterion, **options)
+        raise DataError(
+            "options are selected on one trial at a time: set them for trials that are merged."
+        )
+    selection = select_options(
+        cast(Trial, trial), entry, candidates, criterion=criterion, **options
+    )
     estimate = entry(trial, **options, **selection["chosen"])
     estimate.diagnostics["selection"] = selection
     return estimate

@@ -99,45 +99,65 @@ def select_options(
     inputs = {"delay": NOMINAL_DELAY if delay is None else delay, "identification_rate": rate}
     halves = _halve(record, reference if has_reference else None, inputs)
     rows: list[dict[str, Any]] = []
-    losses: dict[int, np.ndarray] = {}  # by the number of the candidate, of those that could be fitted
+    losses: dict[
+        int, np.ndarray
+    ] = {}  # by the number of the candidate, of those that could be fitted
     for number, values in enumerate(itertools.product(*candidates.values())):
         selected = dict(zip(candidates, values, strict=True))
         rows.append({**selected, "scores": {}, "warnings": []})
         bound = partial(fit, **options, **selected)
         try:
             sums, rows[-1]["warnings"] = _score(halves, bound, options.get("cycle_onsets"))
-            rows[-1]["scores"] = {name: float(100.0 * (1.0 - r.sum() / y.sum())) for name, (r, y) in sums.items()}
+            rows[-1]["scores"] = {
+                name: float(100.0 * (1.0 - r.sum() / y.sum())) for name, (r, y) in sums.items()
+            }
             losses[number] = sums[criterion][0]
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             rows[-1]["error"] = str(error)
     if not losses:
-        raise DataError(f"no candidate could be fitted; the first one failed with: {rows[0]['error']}")
+        raise DataError(
+            f"no candidate could be fitted; the first one failed with: {rows[0]['error']}"
+        )
     losses = {k: loss for k, loss in losses.items() if not rows[k]["warnings"]} or losses
     best = min(losses.values(), key=np.sum)
     excesses = {k: loss - best for k, loss in losses.items()}
     # The first one that is not worse than the best by more than one standard error.
-    number = next(k for k, part in excesses.items() if part.sum() <= np.std(part, ddof=1) * np.sqrt(part.size))
+    number = next(
+        k for k, part in excesses.items() if part.sum() <= np.std(part, ddof=1) * np.sqrt(part.size)
+    )
     chosen = {name: rows[number][name] for name in candidates}
     return {"criterion": criterion, "candidates": rows, "chosen": chosen}
 
 
 def check_selection(
-    owner: str, model: type[Options], options: Mapping[str, Any], select: Any, criterion: str | None = None
+    owner: str,
+    model: type[Options],
+    options: Mapping[str, Any],
+    select: Any,
+    criterion: str | None = None,
 ) -> dict[str, list[Any]]:
     """Candidates by option; refuses what a method would refuse after other candidates were fitted."""
     select = {} if select is None else select
     check_choice(owner, "criterion", criterion, (*CRITERIA, None))
     kinds = (list, tuple, range, np.ndarray)
-    listed = isinstance(select, Mapping) and all(isinstance(part, kinds) and len(part) for part in select.values())
+    listed = isinstance(select, Mapping) and all(
+        isinstance(part, kinds) and len(part) for part in select.values()
+    )
     if not listed or (criterion is not None and not select) or "identification_rate" in select:
         raise ValueError(
             "select must be a dict of options, each with a list of at least one value, and not of identification_rate "
             f"(residuals at different rates contain different bands of noise), got {show_value(select)}."
         )
     if both := sorted(set(options) & set(select)):
-        raise TypeError(f"option {both[0]!r} is given, and to be selected as well: choose one of the two.")
+        raise TypeError(
+            f"option {both[0]!r} is given, and to be selected as well: choose one of the two."
+        )
     for combination in itertools.product(*select.values()):
-        model.parse(f"select: {owner}" if select else owner, **options, **dict(zip(select, combination, strict=True)))
+        model.parse(
+            f"select: {owner}" if select else owner,
+            **options,
+            **dict(zip(select, combination, strict=True)),
+        )
     return {name: list(values) for name, values in select.items()}
 
 
@@ -146,13 +166,20 @@ def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any])
     edges = np.linspace(time[0], time[-1] + 1.0 / rate, 3)
     duration, least = edges[2] - edges[0], 2.0 * (2.0 * SETTLING + SEGMENT)
     if duration < least:
-        raise DataError(f"the record of {duration:.3g} s is too short: a selection needs {least:g} s. Record longer.")
+        raise DataError(
+            f"the record of {duration:.3g} s is too short: a selection needs {least:g} s. Record longer."
+        )
     halves = [prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges)]
     pairs = zip(halves[::-1], halves, strict=True)
-    return [(fit, test, None if reference is None else _instruments(test, reference, inputs)) for fit, test in pairs]
+    return [
+        (fit, test, None if reference is None else _instruments(test, reference, inputs))
+        for fit, test in pairs
+    ]
 
 
-def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+def _instruments(
+    test: PreparedTrial, reference: str, inputs: Mapping[str, Any]
+) -> tuple[np.ndarray, np.ndarray]:
     """Times, and instruments at these times: leads and lags of the position that the reference explains."""
     regressors = test.regressors(**inputs, basis="spline", degree=TERMS, reference=reference)
     predicted, rate = test.predict_inputs(regressors), regressors.rate
@@ -164,7 +191,9 @@ def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, Any])
     return regressors.time, np.column_stack(columns)
 
 
-def _project(instruments: tuple[np.ndarray, np.ndarray], time: np.ndarray, signals: np.ndarray) -> np.ndarray:
+def _project(
+    instruments: tuple[np.ndarray, np.ndarray], time: np.ndarray, signals: np.ndarray
+) -> np.ndarray:
     """Projection of signals on instruments, at the times that both have."""
     rows, common = match_times(instruments[0], time)
     columns = instruments[1][rows]
@@ -175,7 +204,9 @@ def _project(instruments: tuple[np.ndarray, np.ndarray], time: np.ndarray, signa
 
 
 def _score(
-    halves: Sequence[Half], fit: Callable[[PreparedTrial], Estimate], cycle_onsets: str | Sequence[float] | None
+    halves: Sequence[Half],
+    fit: Callable[[PreparedTrial], Estimate],
+    cycle_onsets: str | Sequence[float] | None,
 ) -> tuple[dict[str, np.ndarray], list[str]]:
     """By criterion, squares of residual and torque, summed over segments, shape (2, segments); warnings of the fits."""
     sums: dict[str, list[list[np.ndarray]]] = {}
@@ -202,5 +233,7 @@ def _score(
         segments = ((time[scored] - start) / SEGMENT).astype(int)
         count = int((stop - start) / SEGMENT) + 1
         for name, pair in explainable.items():
-            sums.setdefault(name, []).append([np.bincount(segments, signal**2, count) for signal in pair])
+            sums.setdefault(name, []).append(
+                [np.bincount(segments, signal**2, count) for signal in pair]
+            )
     return {name: np.hstack(parts) for name, parts in sums.items()}, list(dict.fromkeys(warnings))

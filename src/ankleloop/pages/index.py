@@ -8,28 +8,54 @@ import pandas as pd
 from markupsafe import Markup, escape
 
 from ankleloop.pages.rendering import render_page, render_table, render_template
-from ankleloop.paper.ledger import VERDICTS, Conclusions, count_held, summarise, tabulate_ledger, tabulate_table1
+from ankleloop.paper.ledger import (
+    VERDICTS,
+    Conclusions,
+    count_held,
+    summarise,
+    tabulate_ledger,
+    tabulate_table1,
+)
 
 # Backgrounds that are told apart in print and by readers who do not see red or green; the words stand in them.
 COLOURS = ("#b7dfc2", "#dff0c8", "#eef0c0", "#f3b8a6", "#e3e3e3", "#f6dd9b", "#cfe0f5")
 VERDICT_COLOURS = dict(zip(VERDICTS, COLOURS, strict=True))
 # Of the ledger, in their order: a narrow screen shows the first ones.
-LEDGER_COLUMNS = ["verdict", "section", "statement", "paper", "ours", "unit", "reason", "difference", "tolerance", "id"]
+LEDGER_COLUMNS = [
+    "verdict",
+    "section",
+    "statement",
+    "paper",
+    "ours",
+    "unit",
+    "reason",
+    "difference",
+    "tolerance",
+    "id",
+]
 # Rows of a table in its page, and columns of a part of a wide one: the first ones, which each part has, and others.
 MOST_ROWS, KEYS, OTHERS = 1000, 3, 9
 
 
-def render_index(results: Mapping[str, object], ledger: pd.DataFrame | None, conclusions: Conclusions) -> str:
+def render_index(
+    results: Mapping[str, object], ledger: pd.DataFrame | None, conclusions: Conclusions
+) -> str:
     """Page that lists all results; it opens with what was found, where there is a ledger.
 
     The results are those of `ankleloop.studies.results.collect_results`.
     """
     opening = {}
     if ledger is not None:
-        from nbconvert.filters import markdown2html  # here: a package of the workflow, which the library does without
+        from nbconvert.filters import (
+            markdown2html,
+        )  # here: a package of the workflow, which the library does without
 
         sentences = "".join(f"- {escape(text)}\n" for text in summarise(ledger, conclusions))
-        opening = {"sentences": markdown2html(sentences), "table1": render_table1(ledger), **_describe_verdicts(ledger)}
+        opening = {
+            "sentences": markdown2html(sentences),
+            "table1": render_table1(ledger),
+            **_describe_verdicts(ledger),
+        }
     body = render_template("index.html.j2", **results, opening=opening)
     return render_page("Results", body, local_pictures=True)
 
@@ -37,7 +63,9 @@ def render_index(results: Mapping[str, object], ledger: pd.DataFrame | None, con
 def render_table1(ledger: pd.DataFrame) -> Markup:
     """Table 1 as HTML, each cell in the colour of its verdict."""
     cells, verdicts = tabulate_table1(ledger)
-    return render_table(cells, colours={text: VERDICT_COLOURS[verdict] for text, verdict in verdicts.items()})
+    return render_table(
+        cells, colours={text: VERDICT_COLOURS[verdict] for text, verdict in verdicts.items()}
+    )
 
 
 def _describe_verdicts(ledger: pd.DataFrame) -> dict[str, object]:
@@ -49,7 +77,9 @@ def _describe_verdicts(ledger: pd.DataFrame) -> dict[str, object]:
 
 def render_ledger(ledger: pd.DataFrame) -> str:
     """Page of the ledger: each number and claim of the paper with its verdict in its colour."""
-    table = render_table(tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS, name="claims")
+    table = render_table(
+        tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS, name="claims"
+    )
     body = render_template("ledger.html.j2", **_describe_verdicts(ledger), table=table)
     return render_page("Ledger", body, index="index.html")
 
@@ -57,10 +87,15 @@ def render_ledger(ledger: pd.DataFrame) -> str:
 def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
     """Page of tables that readers sort and search."""
     parts = {name: (_divide(table.head(MOST_ROWS)), len(table)) for name, table in tables.items()}
-    return render_page("Tables", render_template("tables.html.j2", tables=parts), index="index.html")
+    return render_page(
+        "Tables", render_template("tables.html.j2", tables=parts), index="index.html"
+    )
 
 
 def _divide(table: pd.DataFrame) -> list[pd.DataFrame]:
     """Parts of a table that fit into a page, each with the first columns."""
     keys, others = list(table.columns[:KEYS]), list(table.columns[KEYS:])
-    return [table[keys + others[start : start + OTHERS]] for start in range(0, max(len(others), 1), OTHERS)]
+    return [
+        table[keys + others[start : start + OTHERS]]
+        for start in range(0, max(len(others), 1), OTHERS)
+    ]

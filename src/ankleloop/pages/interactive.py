@@ -27,7 +27,10 @@ Series = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
 def render_interactive_torques(
-    trial: xr.Dataset | PreparedTrial, estimates: Mapping[str, Estimate], styles: Styles, window: Mapping[str, float]
+    trial: xr.Dataset | PreparedTrial,
+    estimates: Mapping[str, Estimate],
+    styles: Styles,
+    window: Mapping[str, float],
 ) -> str:
     """Measured and estimated torques of a whole record, which a reader zooms, moves, and switches on and off."""
     series = list_series(prepare(trial), estimates, styles)
@@ -35,17 +38,40 @@ def render_interactive_torques(
     return render_template("interactive.html.j2", step=step, figure=_draw(series, window, step))
 
 
-def list_series(trial: PreparedTrial, estimates: Mapping[str, Estimate], styles: Styles) -> list[Series]:
+def list_series(
+    trial: PreparedTrial, estimates: Mapping[str, Estimate], styles: Styles
+) -> list[Series]:
     """Measured torque, true ones where they are known, estimates, and what they leave of the torques that are known."""
-    torques = centre_torques(trial, max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"]))
-    measured: Series = {"name": "measured", "color": MEASURED.colour}, {"time": torques.time, "net": torques.measured}
-    true: Series = {"name": "true (simulated)", "color": TRUE.colour}, {"time": torques.time, **torques.true}
+    torques = centre_torques(
+        trial, max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"])
+    )
+    measured: Series = (
+        {"name": "measured", "color": MEASURED.colour},
+        {"time": torques.time, "net": torques.measured},
+    )
+    true: Series = (
+        {"name": "true (simulated)", "color": TRUE.colour},
+        {"time": torques.time, **torques.true},
+    )
     series, residuals = [measured, true] if torques.true else [measured], []
     for rank, (label, estimate) in enumerate(estimates.items()):
         own, colour = centre_torques(trial, estimate), styles[label].colour
-        left = {name: values - own.estimated[name] for name, values in {**own.true, "net": own.measured}.items()}
-        series.append(({"name": label, "color": colour, "visible": rank < SHOWN}, {"time": own.time, **own.estimated}))
-        look = {"name": f"residual of {label}", "color": colour, "alpha": RESIDUAL, "visible": False}
+        left = {
+            name: values - own.estimated[name]
+            for name, values in {**own.true, "net": own.measured}.items()
+        }
+        series.append(
+            (
+                {"name": label, "color": colour, "visible": rank < SHOWN},
+                {"time": own.time, **own.estimated},
+            )
+        )
+        look = {
+            "name": f"residual of {label}",
+            "color": colour,
+            "alpha": RESIDUAL,
+            "visible": False,
+        }
         residuals.append((look, {"time": own.time, **left}))
     return series + residuals
 
@@ -62,24 +88,47 @@ def _draw(series: list[Series], window: Mapping[str, float], step: int) -> Any:
     start, end = find_window(times, window["start"], window["length"])
     x_range = Range1d(start=start, end=end, bounds=tuple(times), min_interval=SHORTEST)
     wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
-    cursor = CrosshairTool(overlay=Span(dimension="height", line_color="#888888", line_dash="dotted"))
+    cursor = CrosshairTool(
+        overlay=Span(dimension="height", line_color="#888888", line_dash="dotted")
+    )
     tips = [("", "$name"), ("time", "$x{0.000} s"), ("torque", "$y{0.000} N·m")]
     size: dict[str, Any] = {"sizing_mode": "stretch_width", "min_border_left": 70}
     tools = ["xpan", "box_zoom", "reset", "save", wheel, cursor]
     options = {"frame_height": HEIGHT, "x_range": x_range, "tools": tools, "tooltips": tips, **size}
     options |= {"active_scroll": wheel, "active_inspect": cursor}
-    panels = {torque: figure(y_axis_label=f"{torque} torque [N·m]", **options) for torque in TORQUES}
+    panels = {
+        torque: figure(y_axis_label=f"{torque} torque [N·m]", **options) for torque in TORQUES
+    }
     panels["reflex"].xaxis.axis_label = "time [s]"
-    strip = figure(height=STRIP, x_range=Range1d(*times), y_axis_type=None, toolbar_location=None, tools="", **size)
+    strip = figure(
+        height=STRIP,
+        x_range=Range1d(*times),
+        y_axis_type=None,
+        toolbar_location=None,
+        tools="",
+        **size,
+    )
     strip.add_tools(RangeTool(x_range=x_range))
     items: list[Any] = []
     for look, values in series:
-        source = ColumnDataSource({name: part[::step].astype("float32") for name, part in values.items()})
-        drawn = [panels[name].line("time", name, source=source, **look) for name in values if name != "time"]
+        source = ColumnDataSource(
+            {name: part[::step].astype("float32") for name, part in values.items()}
+        )
+        drawn = [
+            panels[name].line("time", name, source=source, **look)
+            for name in values
+            if name != "time"
+        ]
         items.append((look["name"], drawn))
         if look["name"] == "measured":
             strip.line("time", "net", source=source, color=look["color"])
-    legend = Legend(items=items, click_policy="hide", location="top_left", ncols=2, inactive_fill_alpha=0.4)
+    legend = Legend(
+        items=items, click_policy="hide", location="top_left", ncols=2, inactive_fill_alpha=0.4
+    )
     panels["net"].add_layout(legend, "above")
-    grid = gridplot([[panel] for panel in panels.values()], sizing_mode="stretch_width", toolbar_options={"logo": None})
+    grid = gridplot(
+        [[panel] for panel in panels.values()],
+        sizing_mode="stretch_width",
+        toolbar_options={"logo": None},
+    )
     return json_item(column(grid, strip, sizing_mode="stretch_width"))

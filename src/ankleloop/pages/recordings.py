@@ -26,15 +26,21 @@ PIXELS_PER_INCH = 137.5  # of the page: a figure of two columns fills it
 DOTS_PER_INCH = 220  # of the picture
 
 
-def draw_figures(trials: Sequence[xr.Dataset], analysis: Analysis, window: Mapping[str, Any]) -> dict[str, DataFigure]:
+def draw_figures(
+    trials: Sequence[xr.Dataset], analysis: Analysis, window: Mapping[str, Any]
+) -> dict[str, DataFigure]:
     """Draw the figures of the page of a recording."""
     marked, spectra = _mark_labels(analysis), analysis.check.spectra
     figures = {"spectra": spectra_figure(spectra)} if spectra else {}
     if estimates := {marked[label]: estimate for label, estimate in analysis.estimates.items()}:
-        recording = trials[0].drop_vars([name for name in trials[0].data_vars if str(name).startswith("torque_")])
+        recording = trials[0].drop_vars(
+            [name for name in trials[0].data_vars if str(name).startswith("torque_")]
+        )
         styles = method_styles({label: estimate.method for label, estimate in estimates.items()})
         figures["torques"] = torque_figure(recording, estimates, **window)
-        figures["torques"].interactive = render_interactive_torques(recording, estimates, styles, window)
+        figures["torques"].interactive = render_interactive_torques(
+            recording, estimates, styles, window
+        )
         figures["models"] = model_figure(estimates)
         if changing := _select_changing(estimates):
             figures["trajectories"] = trajectories_figure(changing, styles=styles)
@@ -44,7 +50,11 @@ def draw_figures(trials: Sequence[xr.Dataset], analysis: Analysis, window: Mappi
 
 
 def render_recording_page(
-    name: str, mapping: Mapping[str, Any], analysis: Analysis, figures: dict[str, DataFigure], index: str | None = None
+    name: str,
+    mapping: Mapping[str, Any],
+    analysis: Analysis,
+    figures: dict[str, DataFigure],
+    index: str | None = None,
 ) -> str:
     """Page of a recording: recommendation, checks, methods side by side, change of the joint, figures, residuals."""
     marked = _mark_labels(analysis)
@@ -67,25 +77,42 @@ def render_recording_page(
 def _embed(figure: DataFigure) -> dict[str, Any]:
     """Attributes of an image that holds a figure."""
     picture = base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()
-    return {"width": round(PIXELS_PER_INCH * figure.get_size_inches()[0]), "src": f"data:image/png;base64,{picture}"}
+    return {
+        "width": round(PIXELS_PER_INCH * figure.get_size_inches()[0]),
+        "src": f"data:image/png;base64,{picture}",
+    }
 
 
 def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
     """Estimates with trajectories over what the first of them has, and riv beside them; none without any."""
-    courses = {label: tuple(e.trajectories.sizes) for label, e in estimates.items() if e.trajectories is not None}
+    courses = {
+        label: tuple(e.trajectories.sizes)
+        for label, e in estimates.items()
+        if e.trajectories is not None
+    }
     first = next(iter(courses.values()), ())
-    return {label: e for label, e in estimates.items() if first and (e.method == "riv" or courses.get(label) == first)}
+    return {
+        label: e
+        for label, e in estimates.items()
+        if first and (e.method == "riv" or courses.get(label) == first)
+    }
 
 
 def _compare_methods(table: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
     """A row for each quantity that some method has, a column for each method."""
     rows = [row for _, row in table[table["valid"]].iterrows()]
-    cells = pd.DataFrame({name: [format_with_interval(row, name) for row in rows] for name in ROWS}, index=labels)
-    cells["delay"] = cells["delay"].str.replace("^[^–…]+$", r"\g<0> (assumed)", regex=True)  # without an interval
+    cells = pd.DataFrame(
+        {name: [format_with_interval(row, name) for row in rows] for name in ROWS}, index=labels
+    )
+    cells["delay"] = cells["delay"].str.replace(
+        "^[^–…]+$", r"\g<0> (assumed)", regex=True
+    )  # without an interval
     return cells.loc[:, ~cells.isin(["–", ""]).all()].rename(columns=ROWS).T.reset_index(names="")
 
 
 def _mark_labels(analysis: Analysis) -> dict[str, str]:
     """Labels of the methods that were fitted, with a mark on those that have a warning."""
     trusted = set(analysis.table[analysis.table["trusted"]].get("label", ()))
-    return {label: label if label in trusted else f"{label} (warning)" for label in analysis.estimates}
+    return {
+        label: label if label in trusted else f"{label} (warning)" for label in analysis.estimates
+    }

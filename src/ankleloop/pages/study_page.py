@@ -39,7 +39,9 @@ class StudyPage(SimpleNamespace):
     @cached_property
     def table(self) -> pd.DataFrame:
         """The same, with the label of the method and what came of each identification."""
-        return self.details.assign(series=self.details["method"].map(self.labels), outcome=list_outcomes(self.details))
+        return self.details.assign(
+            series=self.details["method"].map(self.labels), outcome=list_outcomes(self.details)
+        )
 
     @property
     def styles(self) -> dict[str, MethodStyle]:
@@ -54,7 +56,10 @@ class StudyPage(SimpleNamespace):
     def stack(self, x: str, columns: Mapping[str, str]) -> pd.DataFrame:
         """Rows of `ankleloop.plotting.studies.curves_figure`: a column of the table for each panel, over `x`."""
         table = self.table.assign(x=self.table[x])
-        parts = [table.assign(panel=panel, value=table.get(column, float("nan"))) for panel, column in columns.items()]
+        parts = [
+            table.assign(panel=panel, value=table.get(column, float("nan")))
+            for panel, column in columns.items()
+        ]
         return pd.concat(parts, ignore_index=True)
 
     def load_estimates(self, point: str) -> Estimates:
@@ -64,22 +69,32 @@ class StudyPage(SimpleNamespace):
     def select_estimates(self, estimates: Estimates, methods: Iterable[str]) -> dict[str, Estimate]:
         """Estimates of the trial that figures show, by label; those that failed are not among them."""
         trial = self.figure["trial"]
-        selection = {self.labels[name]: estimates[name][trial] for name in methods if trial in estimates[name]}
+        selection = {
+            self.labels[name]: estimates[name][trial]
+            for name in methods
+            if trial in estimates[name]
+        }
         self.refuse_empty(selection)
         return selection
 
     def refuse_empty(self, shown: Mapping[str, object]) -> None:
         """Refuse a figure of a single trial of which nothing was identified."""
         if not shown:
-            raise ValueError("the trial of the figure could not be identified: set another number as figure: trial.")
+            raise ValueError(
+                "the trial of the figure could not be identified: set another number as figure: trial."
+            )
 
-    def show_figure(self, figure: Figure, name: str, caption: str, note: str = "", *, width: int = 980) -> None:
+    def show_figure(
+        self, figure: Figure, name: str, caption: str, note: str = "", *, width: int = 980
+    ) -> None:
         """Save a figure, and show it with its caption; settings, warnings and a note are folded below."""
         save_figure(figure, f"{self.figure_stem}-{name}", overwrite=True)
         show_picture(f"{self.figure_stem}-{name}.png", caption, width)
         display(self.fold(note))
 
-    def show_table(self, cells: pd.DataFrame, caption: str, note: str = "", table: pd.DataFrame | None = None) -> None:
+    def show_table(
+        self, cells: pd.DataFrame, caption: str, note: str = "", table: pd.DataFrame | None = None
+    ) -> None:
         """Show a table with its caption; `table` is written as CSV, and the cells as Markdown beside it."""
         note = f"{note} {MEANS}".strip()
         if table is not None:
@@ -93,7 +108,10 @@ class StudyPage(SimpleNamespace):
 
     def fold(self, note: str = "") -> HTML:
         """Trials and settings of the study, and a note, behind a line that opens them."""
-        return fold("Trials and settings", [note, self._conditions(), describe_faults(self.details, self.labels)])
+        return fold(
+            "Trials and settings",
+            [note, self._conditions(), describe_faults(self.details, self.labels)],
+        )
 
 
 def fold(summary: str, parts: Iterable[str]) -> HTML:

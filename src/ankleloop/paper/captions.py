@@ -18,7 +18,15 @@ NAMES = {
     "closed_loop": "loop",
 }
 LOAD = ("load_inertia", "load_viscosity", "load_stiffness")
-SHARED = (*LOAD, "duration", "reflex_gain", "snr_db", "voluntary", "actuator_frequency", "actuator_damping")
+SHARED = (
+    *LOAD,
+    "duration",
+    "reflex_gain",
+    "snr_db",
+    "voluntary",
+    "actuator_frequency",
+    "actuator_damping",
+)
 
 
 def label_setting(name: str) -> tuple[str, str]:
@@ -49,31 +57,54 @@ def format_point(settings: Mapping[str, Any]) -> str:
 
 def describe_settings(settings: Mapping[str, Any], varied: Collection[str] = ()) -> str:
     """Settings that every trial of a study has, in one phrase."""
-    values = {name: f"{label_setting(name)[0]} {format_setting(name, settings[name])}" for name in SHARED}
+    values = {
+        name: f"{label_setting(name)[0]} {format_setting(name, settings[name])}" for name in SHARED
+    }
     values["closed_loop"] = "closed loop" if settings["closed_loop"] else "open loop"
     shared = [text for name, text in values.items() if name not in varied]
-    return f"{', '.join(shared)} (relative voluntary torque: its sd over that of the clean net torque)"
+    return (
+        f"{', '.join(shared)} (relative voluntary torque: its sd over that of the clean net torque)"
+    )
 
 
 def typical_point(points: Mapping[str, Mapping[str, Any]], varied: Collection[str]) -> str:
     """Point whose settings are the defaults of the simulation, which a figure of single trials shows."""
     defaults = SimulationSettings.defaults()
-    return max(points, key=lambda point: sum(points[point].get(name) == defaults.get(name) for name in varied))
+    return max(
+        points,
+        key=lambda point: sum(points[point].get(name) == defaults.get(name) for name in varied),
+    )
 
 
-def shared_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> dict[str, float | None]:
+def shared_truths(
+    points: Mapping[str, Mapping[str, Any]], names: Collection[str]
+) -> dict[str, float | None]:
     """True values that all points have, for lines in figures."""
-    return {name: truths[0] if len(truths) == 1 else None for name, truths in _list_truths(points, names).items()}
+    return {
+        name: truths[0] if len(truths) == 1 else None
+        for name, truths in _list_truths(points, names).items()
+    }
 
 
 def format_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> str:
     """True values of estimated parameters with their units, all of them where points differ."""
-    texts = {name: " or ".join(map("{:g}".format, truths)) for name, truths in _list_truths(points, names).items()}
-    return ", ".join(f"{QUANTITIES[name].symbol} = {text} {QUANTITIES[name].unit}" for name, text in texts.items())
+    texts = {
+        name: " or ".join(map("{:g}".format, truths))
+        for name, truths in _list_truths(points, names).items()
+    }
+    return ", ".join(
+        f"{QUANTITIES[name].symbol} = {text} {QUANTITIES[name].unit}"
+        for name, text in texts.items()
+    )
 
 
-def _list_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> dict[str, list[float]]:
+def _list_truths(
+    points: Mapping[str, Mapping[str, Any]], names: Collection[str]
+) -> dict[str, list[float]]:
     """The true values that a parameter has at some point."""
     return {
-        name: list(dict.fromkeys(true_values(settings, [name])[name] for settings in points.values())) for name in names
+        name: list(
+            dict.fromkeys(true_values(settings, [name])[name] for settings in points.values())
+        )
+        for name in names
     }

@@ -23,7 +23,11 @@ from ankleloop.paper.tables import format_number
 from ankleloop.simulation.settings import SimulationSettings
 
 # What Table 1 scores each torque against.
-VAF_COLUMNS = {"net": "vaf_net_measured", "intrinsic": "vaf_intrinsic_true", "reflex": "vaf_reflex_true"}
+VAF_COLUMNS = {
+    "net": "vaf_net_measured",
+    "intrinsic": "vaf_intrinsic_true",
+    "reflex": "vaf_reflex_true",
+}
 ONE_PASS, CONVERGED = "parallel-cascade-one-pass", "parallel-cascade"
 PULSES = {"perturbation": "pulses", "reflex_gain": 5.0}  # what the real-time algorithm needs
 REPLICATES = 2000  # of the bootstrap
@@ -52,15 +56,29 @@ class StudyResults:
         Of several such points, that with the defaults of the simulation in everything by which they differ: a further
         point of the study changes nothing.
         """
-        points = [point for point, values in self.points.items() if settings.items() <= values.items()]
+        points = [
+            point for point, values in self.points.items() if settings.items() <= values.items()
+        ]
         if len(points) > 1:
             first, defaults = self.points[points[0]], SimulationSettings.defaults()
-            varied = [name for name in first if any(self.points[point].get(name) != first[name] for point in points)]
-            points = [point for point in points if all(self.points[point][name] == defaults[name] for name in varied)]
+            varied = [
+                name
+                for name in first
+                if any(self.points[point].get(name) != first[name] for point in points)
+            ]
+            points = [
+                point
+                for point in points
+                if all(self.points[point][name] == defaults[name] for name in varied)
+            ]
         if len(points) != 1:
             number = "several points" if points else "no point"
-            condition = ", ".join(f"{label_setting(name)[0]} {value}" for name, value in settings.items())
-            raise MissingEvidence(f"the study {self.name} has {number} with {condition or 'its settings'}.")
+            condition = ", ".join(
+                f"{label_setting(name)[0]} {value}" for name, value in settings.items()
+            )
+            raise MissingEvidence(
+                f"the study {self.name} has {number} with {condition or 'its settings'}."
+            )
         return points[0]
 
 
@@ -115,13 +133,21 @@ class Case:
         """A further measurement with its interval."""
         if quantity not in self.measurements.index:
             raise MissingEvidence(f"{quantity} was not measured.")
-        return Measurement(*self.measurements.reindex(columns=["value", "low", "high"]).loc[quantity].astype(float))
+        return Measurement(
+            *self.measurements.reindex(columns=["value", "low", "high"]).loc[quantity].astype(float)
+        )
 
-    def within(self, label: str, ours: Quantity, paper: float = 0.0, *, control: bool = False) -> Comparison:
+    def within(
+        self, label: str, ours: Quantity, paper: float = 0.0, *, control: bool = False
+    ) -> Comparison:
         """A comparison that accepts differences of either sign up to the tolerance."""
-        return Comparison(label, ours, (-self.claim.tolerance, self.claim.tolerance), paper, control=control)
+        return Comparison(
+            label, ours, (-self.claim.tolerance, self.claim.tolerance), paper, control=control
+        )
 
-    def above(self, label: str, ours: Quantity, paper: float = 0.0, *, size: bool = False) -> Comparison:
+    def above(
+        self, label: str, ours: Quantity, paper: float = 0.0, *, size: bool = False
+    ) -> Comparison:
         """A comparison that accepts differences, or sizes of them, from the tolerance on."""
         return Comparison(label, ours, (self.claim.tolerance, np.inf), paper, size=size)
 
@@ -130,7 +156,11 @@ class Case:
         return Comparison(label, ours, (-np.inf, -self.claim.tolerance), paper)
 
     def compare(
-        self, what: str, comparisons: Sequence[Comparison], remark: str = "", ours: Quantity | None = None
+        self,
+        what: str,
+        comparisons: Sequence[Comparison],
+        remark: str = "",
+        ours: Quantity | None = None,
     ) -> Row:
         """Verdict on the claim, which needs all comparisons, with the numbers that it rests on and its reason.
 
@@ -143,7 +173,9 @@ class Case:
         if len(listed) < len(comparisons):
             reason += f" (of {len(comparisons)} results the decisive one)"
         parts = [reason, remark, judged.explanation]
-        has_condition = judged.verdict == judgement.REPRODUCED and isinstance(self.claim.conditions, str)
+        has_condition = judged.verdict == judgement.REPRODUCED and isinstance(
+            self.claim.conditions, str
+        )
         low, high = decisive.interval(judged.level)
         return {
             "verdict": judgement.CONDITIONAL if has_condition else judged.verdict,
@@ -179,7 +211,11 @@ def _describe(comparison: Comparison) -> str:
 def check_mean(case: Case, study: str, quantity: str, method: str) -> Row:
     """A VAF of the paper is the mean over trials at the settings of the claim."""
     mean = case.mean(study, quantity, method)
-    remark = "the recording is not public, and this is a simulated stand-in" if np.isnan(case.claim.tolerance) else ""
+    remark = (
+        "the recording is not public, and this is a simulated stand-in"
+        if np.isnan(case.claim.tolerance)
+        else ""
+    )
     return case.compare("mean VAF [%]", [case.within("", mean, case.claim.paper)], remark)
 
 
@@ -194,16 +230,23 @@ def check_alike(case: Case, first: str, second: str, *torques: str) -> Row:
 def check_cascade_net_good(case: Case) -> Row:
     """One pass of the parallel cascade gives a good net torque from poor parts."""
     net = case.mean("table1", "net", ONE_PASS)
-    leads = {part: case.lead("table1", ("net", ONE_PASS), (part, ONE_PASS)) for part in ("intrinsic", "reflex")}
+    leads = {
+        part: case.lead("table1", ("net", ONE_PASS), (part, ONE_PASS))
+        for part in ("intrinsic", "reflex")
+    }
     comparisons = [case.above(f"net less {part} torque", lead) for part, lead in leads.items()]
-    return case.compare("VAF [%]", [case.within("net torque", net, case.claim.paper), *comparisons], ours=net)
+    return case.compare(
+        "VAF [%]", [case.within("net torque", net, case.claim.paper), *comparisons], ours=net
+    )
 
 
 def check_cascade_better_in_open_loop(case: Case) -> Row:
     """One pass of the parallel cascade gives better torques of both paths in open loop."""
     comparisons = []
     for part in ("intrinsic", "reflex"):
-        opened, closed = (case.mean("voluntary", part, ONE_PASS, closed_loop=loop) for loop in (False, True))
+        opened, closed = (
+            case.mean("voluntary", part, ONE_PASS, closed_loop=loop) for loop in (False, True)
+        )
         comparisons.append(case.above(f"{part} torque", opened - closed))
     return case.compare("VAF in open loop less that in closed loop [points]", comparisons)
 
@@ -221,7 +264,9 @@ def check_figure4_cascade_biased(case: Case) -> Row:
     """The intrinsic torque by one pass of the parallel cascade is wrong at every gain, most of all at the highest."""
     gains = case.settings["reflex_gain"]
     means = [case.mean("figure4", "intrinsic", ONE_PASS, reflex_gain=gain) for gain in gains]
-    comparisons = [case.below(f"gain {gain:g}", mean, 100.0) for gain, mean in zip(gains, means, strict=True)]
+    comparisons = [
+        case.below(f"gain {gain:g}", mean, 100.0) for gain, mean in zip(gains, means, strict=True)
+    ]
     fall = case.below("highest gain less lowest", means[-1] - means[0])
     return case.compare("intrinsic VAF [%]", [*comparisons, fall])
 
@@ -229,7 +274,10 @@ def check_figure4_cascade_biased(case: Case) -> Row:
 def check_figure4_cascade_falls(case: Case) -> Row:
     """The intrinsic VAF of one pass of the parallel cascade falls with the gain: rank correlation with its interval."""
     gains = case.settings["reflex_gain"]
-    trials = {gain: case.values("figure4", "intrinsic", ONE_PASS, reflex_gain=gain).to_numpy() for gain in gains}
+    trials = {
+        gain: case.values("figure4", "intrinsic", ONE_PASS, reflex_gain=gain).to_numpy()
+        for gain in gains
+    }
     remark = f"from {trials[gains[0]].mean():.1f} to {trials[gains[-1]].mean():.1f} % over {len(gains)} gains"
     comparison = case.within("", bootstrap_rank_correlation(trials), case.claim.paper)
     return case.compare("rank correlation of gain and intrinsic VAF", [comparison], remark)
@@ -243,10 +291,15 @@ def bootstrap_rank_correlation(trials: Mapping[float, np.ndarray]) -> Measuremen
     They show then that it is uncertain, and not that it is wrong.
     """
     gains, rng = list(trials), np.random.default_rng(0)
-    value = float(_rank_correlation(gains, np.array([[values.mean() for values in trials.values()]]))[0])
+    value = float(
+        _rank_correlation(gains, np.array([[values.mean() for values in trials.values()]]))[0]
+    )
     if min(values.size for values in trials.values()) < 2:
         return Measurement(value)
-    draws = (values[rng.integers(values.size, size=(REPLICATES, values.size))] for values in trials.values())
+    draws = (
+        values[rng.integers(values.size, size=(REPLICATES, values.size))]
+        for values in trials.values()
+    )
     replicates = _rank_correlation(gains, np.column_stack([draw.mean(axis=1) for draw in draws]))
     low, high = np.quantile(replicates, [(1 - judgement.LEVEL) / 2, (1 + judgement.LEVEL) / 2])
     return Measurement(value, float(min(low, value)), float(max(high, value)))
@@ -263,14 +316,24 @@ def check_figure4_cause(case: Case) -> Row:
     first, last = (case.mean("figure4", "intrinsic", method) for method in (ONE_PASS, CONVERGED))
     passes = case.values("figure4", "passes", CONVERGED).mean()
     remark = f"after {passes:.0f} passes on average; {first.value:.4g} % after one pass on the same closed-loop trials"
-    return case.compare("intrinsic VAF of the converged cascade [%]", [case.below("", last, 100.0)], remark)
+    return case.compare(
+        "intrinsic VAF of the converged cascade [%]", [case.below("", last, 100.0)], remark
+    )
 
 
 def check_columns(case: Case, method: str) -> Row:
     """Columns of instruments, which follow from the definition of a method."""
-    rows, block_rows = (case.measurement(name).value for name in (f"{method}_instrument_rows", "block_rows"))
-    verdict = judgement.BY_CONSTRUCTION if rows == block_rows * case.claim.paper else judgement.NOT_REPRODUCED
-    reason = f"{rows:g} rows of instruments over {block_rows:g} block rows: {case.claim.conditions}."
+    rows, block_rows = (
+        case.measurement(name).value for name in (f"{method}_instrument_rows", "block_rows")
+    )
+    verdict = (
+        judgement.BY_CONSTRUCTION
+        if rows == block_rows * case.claim.paper
+        else judgement.NOT_REPRODUCED
+    )
+    reason = (
+        f"{rows:g} rows of instruments over {block_rows:g} block rows: {case.claim.conditions}."
+    )
     return {"verdict": verdict, "ours": rows / block_rows, "reason": reason}
 
 
@@ -283,7 +346,9 @@ def check_stated(case: Case, value: str) -> Row:
 
 def check_economy(case: Case, quantity: str, unit: str) -> Row:
     """Ratio of what EIV-MOESP and PR-MOESP take on the same trials."""
-    pr, eiv = (case.measurement(f"{method}_{quantity}").value for method in ("pr-moesp", "eiv-moesp"))
+    pr, eiv = (
+        case.measurement(f"{method}_{quantity}").value for method in ("pr-moesp", "eiv-moesp")
+    )
     ratio = case.above("", case.measurement(f"{quantity}_ratio"), case.claim.paper)
     return case.compare("ratio", [ratio], f"PR-MOESP {pr:.3g} {unit}, EIV-MOESP {eiv:.3g} {unit}")
 
@@ -296,7 +361,9 @@ def check_open_loop_methods_biased(case: Case, *arms: str) -> Row:
     comparisons = []
     for study, method in (arm.split("=") for arm in arms):
         own = PULSES if method == "real-time" else {}
-        closed, opened = (case.mean(study, "K_error", method, **own, closed_loop=loop) for loop in (True, False))
+        closed, opened = (
+            case.mean(study, "K_error", method, **own, closed_loop=loop) for loop in (True, False)
+        )
         label = case.study(study).labels.get(method, method)
         comparisons.append(case.above(f"{label} in closed loop", closed, size=True))
         comparisons.append(case.within(f"{label} in open loop, the control", opened, control=True))
@@ -321,25 +388,37 @@ def check_net_vaf_hides_bias(case: Case) -> Row:
     lead = case.lead("voluntary", ("net", "pr-moesp"), ("net", "riv"), closed_loop=True)
     error = case.mean("voluntary", "K_error", "pr-moesp", closed_loop=True)
     explains_more = Comparison("net VAF less that of riv [points]", lead, (0.0, np.inf))
-    return case.compare("PR-MOESP", [explains_more, case.above("error of K [%]", error, size=True)], ours=error)
+    return case.compare(
+        "PR-MOESP", [explains_more, case.above("error of K [%]", error, size=True)], ours=error
+    )
 
 
 def check_accurate(case: Case, *arms: str) -> Row:
     """K by PR-MOESP with one basis over all trials at the setting of Table 1; an arm is STUDY=METHOD."""
-    samples = [case.values(study, "K_error", method) for study, method in (arm.split("=") for arm in arms)]
-    return case.compare("error of K over all trials [%]", [case.within("", Mean.of(np.concatenate(samples)))])
+    samples = [
+        case.values(study, "K_error", method) for study, method in (arm.split("=") for arm in arms)
+    ]
+    return case.compare(
+        "error of K over all trials [%]", [case.within("", Mean.of(np.concatenate(samples)))]
+    )
 
 
 def check_real_time_input(case: Case) -> Row:
     """K by the real-time algorithm in open loop is right with its perturbation, and wrong with a PRBS."""
     own = {"closed_loop": False}
     pulses, prbs = (
-        case.mean("real-time", "K_error", "real-time", perturbation=name, **own) for name in ("pulses", "prbs")
+        case.mean("real-time", "K_error", "real-time", perturbation=name, **own)
+        for name in ("pulses", "prbs")
     )
-    comparisons = [case.within("with the perturbation", pulses), case.above("with a PRBS", prbs, size=True)]
+    comparisons = [
+        case.within("with the perturbation", pulses),
+        case.above("with a PRBS", prbs, size=True),
+    ]
     return case.compare("error of K in open loop [%]", comparisons)
 
 
 CHECKS: dict[str, Callable[..., Row]] = {
-    name.removeprefix("check_"): check for name, check in globals().items() if name.startswith("check_")
+    name.removeprefix("check_"): check
+    for name, check in globals().items()
+    if name.startswith("check_")
 }

@@ -27,7 +27,9 @@ RUNS = 3  # of each method on a trial
 Runs = dict[str, Callable[[], Any]]
 
 
-def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
+def measure_economy(
+    trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[str, Any]]
+) -> pd.DataFrame:
     """Measure time and memory of two methods on some trials, and count their rows, which no trial changes."""
     models = {method: MoespOptions.parse(method, **options.get(method, {})) for method in COMPARED}
     costs: list[dict[tuple[str, str], float]] = []  # of each trial, by quantity and method
@@ -36,10 +38,19 @@ def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[
         try:
             runs = _prepare_runs(trial, models)
             if not rows:  # the first runs are not timed
-                counts = {f"{name}_instrument_rows": run().diagnostics["instrument_rows"] for name, run in runs.items()}
+                counts = {
+                    f"{name}_instrument_rows": run().diagnostics["instrument_rows"]
+                    for name, run in runs.items()
+                }
                 counts["block_rows"] = models["pr-moesp"].block_rows
-                rows = [{"quantity": quantity, "value": float(count), "n": 1} for quantity, count in counts.items()]
-            cost = {("milliseconds", method): 1e3 * seconds for method, seconds in _time_runs(runs).items()}
+                rows = [
+                    {"quantity": quantity, "value": float(count), "n": 1}
+                    for quantity, count in counts.items()
+                ]
+            cost = {
+                ("milliseconds", method): 1e3 * seconds
+                for method, seconds in _time_runs(runs).items()
+            }
         except NUMERICAL_ERRORS as error:
             log.warning("trial %d is left out: %s", number, describe_error(error))
             continue
@@ -50,11 +61,16 @@ def measure_economy(trials: Iterable[xr.Dataset], options: Mapping[str, Mapping[
             tracemalloc.stop()
         costs.append(cost)
     if not costs:
-        raise DataError("there is no trial that both methods identify: see the failures of the study.")
+        raise DataError(
+            "there is no trial that both methods identify: see the failures of the study."
+        )
     table = pd.DataFrame(costs)
     for quantity in ("milliseconds", "megabytes"):
         values = [table[quantity, method] for method in COMPARED]
-        rows += [_summarise(f"{method}_{quantity}", part) for method, part in zip(COMPARED, values, strict=True)]
+        rows += [
+            _summarise(f"{method}_{quantity}", part)
+            for method, part in zip(COMPARED, values, strict=True)
+        ]
         ratio = _summarise(f"{quantity}_ratio", np.log(values[1] / values[0]))  # its geometric mean
         rows.append(ratio | {name: float(np.exp(ratio[name])) for name in ("value", "low", "high")})
     return pd.DataFrame(rows)
@@ -65,10 +81,15 @@ def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> Runs
     prepared = prepare(trial)
     runs: Runs = {}
     for method, model in models.items():
-        chosen = {name: getattr(model, name) for name in ("delay", "degree", "identification_rate", "reference")}
+        chosen = {
+            name: getattr(model, name)
+            for name in ("delay", "degree", "identification_rate", "reference")
+        }
         regressors = prepared.regressors(basis=model.basis or "chebyshev", **chosen)
         arguments = subspace_arguments(model, regressors, method)
-        runs[method] = partial(moesp, regressors.inputs, regressors.torque, reference=regressors.reference, **arguments)
+        runs[method] = partial(
+            moesp, regressors.inputs, regressors.torque, reference=regressors.reference, **arguments
+        )
     return runs
 
 
@@ -81,5 +102,7 @@ def _summarise(quantity: str, values: pd.Series) -> dict[str, Any]:
 
 def _time_runs(runs: Runs) -> dict[str, float]:
     """Median time of each method [s], the methods in turn, so that a change of the machine's speed meets both."""
-    times = [{method: timeit.timeit(run, number=1) for method, run in runs.items()} for _ in range(RUNS)]
+    times = [
+        {method: timeit.timeit(run, number=1) for method, run in runs.items()} for _ in range(RUNS)
+    ]
     return pd.DataFrame(times).median().to_dict()

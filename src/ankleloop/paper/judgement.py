@@ -33,7 +33,9 @@ class Mean:
     def of(cls, values: ArrayLike) -> Mean:
         """Mean of a sample; nan if one of its values is."""
         sample = pd.Series(values, dtype=float)
-        return cls(float(sample.mean(skipna=False)), float(sample.sem(skipna=False)), len(sample) - 1.0)
+        return cls(
+            float(sample.mean(skipna=False)), float(sample.sem(skipna=False)), len(sample) - 1.0
+        )
 
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of its interval."""
@@ -119,12 +121,19 @@ class Judgement:
     @property
     def explanation(self) -> str:
         """What decides the claim, beside the numbers of the ledger, or why nothing does; empty if it is reproduced."""
-        label, has_interval = self.decisive.label, not math.isnan(sum(self.decisive.interval(self.level)))
+        label, has_interval = (
+            self.decisive.label,
+            not math.isnan(sum(self.decisive.interval(self.level))),
+        )
         if self.verdict == REPRODUCED or (has_interval and not label):
             return ""
         if has_interval:
             return f"{label} decides"
-        missing = "result" if math.isnan(self.decisive.difference) else "interval, which takes two trials or more"
+        missing = (
+            "result"
+            if math.isnan(self.decisive.difference)
+            else "interval, which takes two trials or more"
+        )
         return f"{label}: there is no {missing}" if label else f"there is no {missing}"
 
 
@@ -141,7 +150,11 @@ def judge(comparisons: Sequence[Comparison]) -> Judgement:
     unsure = [part for part in comparisons if part.verdict(LEVEL) != REPRODUCED]
     failures = [part for part in comparisons if part.verdict(simultaneous) == NOT_REPRODUCED]
     if not unsure:
-        verdict, deciding, level = REPRODUCED, [part for part in comparisons if not part.control], LEVEL
+        verdict, deciding, level = (
+            REPRODUCED,
+            [part for part in comparisons if not part.control],
+            LEVEL,
+        )
     elif failures:
         verdict, deciding, level = NOT_REPRODUCED, failures, simultaneous
     else:

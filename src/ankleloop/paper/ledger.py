@@ -25,13 +25,27 @@ VERDICTS = {
 PAPER, FINDING = "paper", "finding"  # whose statement a row is: the paper's or ours
 SECTIONS = {"table1": "IV, Table 1", "table2": "V, Table 2"}
 NUMBERS = ("ours", "uncertainty", "tolerance", "difference", "difference_low", "difference_high")
-COLUMNS = ("id", "section", "statement", "unit", "paper", *NUMBERS, "verdict", "reason", "conditions", "how", "source")
+COLUMNS = (
+    "id",
+    "section",
+    "statement",
+    "unit",
+    "paper",
+    *NUMBERS,
+    "verdict",
+    "reason",
+    "conditions",
+    "how",
+    "source",
+)
 
 Conclusions = Mapping[str, Mapping[str, str]]
 
 
 def verify(
-    published: Mapping[str, pd.DataFrame], studies: Mapping[str, StudyResults], measurements: pd.DataFrame
+    published: Mapping[str, pd.DataFrame],
+    studies: Mapping[str, StudyResults],
+    measurements: pd.DataFrame,
 ) -> pd.DataFrame:
     """Check every number of the published tables, every claim of the paper, and our own findings, by one rule."""
     labels = {name: studies[name].labels if name in studies else {} for name in SECTIONS}
@@ -46,7 +60,12 @@ def _claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) ->
     """Numbers of a published table as claims."""
     return table.assign(
         id=f"{name}/" + table["method"] + "/" + table["torque"],
-        check=f"mean {name} vaf_" + table["torque"] + "_" + table["against"] + " " + table["method"],
+        check=f"mean {name} vaf_"
+        + table["torque"]
+        + "_"
+        + table["against"]
+        + " "
+        + table["method"],
         section=SECTIONS[name],
         statement=table["torque"] + " torque by " + table["method"].replace(dict(labels)),
         unit="% VAF",
@@ -83,7 +102,10 @@ def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
             difference += f" ({row.difference_low:+.3g} … {row.difference_high:+.3g})"
         rows.append(
             {name: getattr(row, name) for name in ("id", "section", "statement", "unit")}
-            | {"paper": format_number(row.paper), "ours": format_number(row.ours, margin=row.uncertainty)}
+            | {
+                "paper": format_number(row.paper),
+                "ours": format_number(row.ours, margin=row.uncertainty),
+            }
             | {"difference": difference, "tolerance": format_number(row.tolerance, "g")}
             | {"verdict": row.verdict, "reason": row.reason + condition}
         )
@@ -95,7 +117,9 @@ def read_conclusions(path: str | PathLike[str]) -> Conclusions:
     return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
 
 
-def conclude(ledger: pd.DataFrame, conclusions: Conclusions, claim: str, part: str = "paragraph") -> str:
+def conclude(
+    ledger: pd.DataFrame, conclusions: Conclusions, claim: str, part: str = "paragraph"
+) -> str:
     """A conclusion with the numbers of the run; where the run has another verdict, that verdict and its reason."""
     for row in ledger[ledger["id"] == claim].to_dict("records"):
         if row["verdict"] == conclusions[claim]["verdict"]:
@@ -113,8 +137,17 @@ def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
 def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
     """Table 1 as the paper prints it, "paper → ours ± half a 95 % interval", and the verdict of each cell."""
     rows = ledger[ledger["id"].str.startswith("table1/")]
-    texts = rows["paper"].map("{:g} → ".format) + format_pairs(rows["ours"], rows["uncertainty"], "{:.2f} ± {:.2f}")
-    methods, torques = rows["statement"].str.split(" by ").str[-1], rows["id"].str.split("/").str[-1] + " [% VAF]"
+    texts = rows["paper"].map("{:g} → ".format) + format_pairs(
+        rows["ours"], rows["uncertainty"], "{:.2f} ± {:.2f}"
+    )
+    methods, torques = (
+        rows["statement"].str.split(" by ").str[-1],
+        rows["id"].str.split("/").str[-1] + " [% VAF]",
+    )
     cells = pd.DataFrame({"method": methods, "torque": torques, "cell": texts})
-    table = cells.pivot(index="method", columns="torque", values="cell").loc[methods.unique(), torques.unique()]
-    return table.rename_axis(columns=None).reset_index(), dict(zip(texts, rows["verdict"], strict=True))
+    table = cells.pivot(index="method", columns="torque", values="cell").loc[
+        methods.unique(), torques.unique()
+    ]
+    return table.rename_axis(columns=None).reset_index(), dict(
+        zip(texts, rows["verdict"], strict=True)
+    )

@@ -11,7 +11,12 @@ import pandas as pd
 RATE = 100.0  # Hz, of the identification by default
 MOST_REASONS = 5  # of failures that a sentence each is about
 NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
-COUNTS = ["trials", "failures", "warnings", "without G"]  # columns of every table of means over trials
+COUNTS = [
+    "trials",
+    "failures",
+    "warnings",
+    "without G",
+]  # columns of every table of means over trials
 KEYS = ["point", "method", "trial"]  # of an estimate
 # Simulation setting that is the true value of each estimated parameter.
 SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}
@@ -22,7 +27,9 @@ CONDITIONS: dict[str, dict[Any, str]] = {
 }
 
 
-def true_values(settings: Mapping[str, Any], names: Iterable[str] = tuple(SETTINGS)) -> dict[str, float]:
+def true_values(
+    settings: Mapping[str, Any], names: Iterable[str] = tuple(SETTINGS)
+) -> dict[str, float]:
     """True values of the parameters that are estimated from simulated trials."""
     return {name: settings[SETTINGS[name]] for name in names}
 
@@ -43,7 +50,9 @@ def list_faults(parameters: pd.DataFrame) -> pd.DataFrame:
     """Whether each identification failed, and whether its estimate came with a warning; such an estimate counts."""
     table = parameters.reindex(columns=["failure", "warnings"])
     failure, warnings = table["failure"].notna(), table["warnings"]
-    return pd.DataFrame({"failures": failure, "warnings": warnings.notna() & (warnings != "") & ~failure})
+    return pd.DataFrame(
+        {"failures": failure, "warnings": warnings.notna() & (warnings != "") & ~failure}
+    )
 
 
 def list_outcomes(parameters: pd.DataFrame) -> pd.Series:
@@ -74,8 +83,12 @@ def count_outcomes(parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 def summarise_scores(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Mean and standard deviation of each VAF over trials, a row for each torque, with what the mean leaves out."""
     scores = table.set_index(list(by)).filter(regex="^vaf_")
-    scores.columns = pd.MultiIndex.from_tuples([name.split("_")[1:] for name in scores], names=["torque", "against"])
-    groups = scores.stack(["torque", "against"]).groupby(level=[*by, "torque", "against"], sort=False)
+    scores.columns = pd.MultiIndex.from_tuples(
+        [name.split("_")[1:] for name in scores], names=["torque", "against"]
+    )
+    groups = scores.stack(["torque", "against"]).groupby(
+        level=[*by, "torque", "against"], sort=False
+    )
     summary = groups.agg(mean="mean", sd="std", n="count").reset_index()
     return summary.merge(count_outcomes(table, by), on=list(by))
 
@@ -89,14 +102,24 @@ def summarise_columns(table: pd.DataFrame, by: Sequence[str], names: Sequence[st
 
 def describe_failures(parameters: pd.DataFrame) -> str:
     """Say how many identifications failed, and why; means leave them out."""
-    failed = parameters.reindex(columns=["point", "method", "failure"]).dropna(subset="failure").astype(str)
+    failed = (
+        parameters.reindex(columns=["point", "method", "failure"])
+        .dropna(subset="failure")
+        .astype(str)
+    )
     if failed.empty:
         return ""
     groups = failed.groupby(failed["failure"].str.replace(NUMBER, "#", regex=True), sort=False)
-    examples = groups.first().assign(count=groups.size()).sort_values("count", ascending=False, kind="stable")
+    examples = (
+        groups.first()
+        .assign(count=groups.size())
+        .sort_values("count", ascending=False, kind="stable")
+    )
     parts = [f"{len(failed):,} of {len(parameters):,} identifications failed; means leave them out"]
     for row in examples.head(MOST_REASONS).itertuples():
-        parts.append(f"{row.count:,} of them, such as {row.method} at {row.point}: {row.failure.rstrip('.')}")
+        parts.append(
+            f"{row.count:,} of them, such as {row.method} at {row.point}: {row.failure.rstrip('.')}"
+        )
     return ". ".join(parts)
 
 
@@ -106,7 +129,11 @@ def describe_faults(parameters: pd.DataFrame, labels: Mapping[str, str]) -> str:
     texts = []
     for name, words in (("failures", "without an estimate"), ("warnings", "with a warning")):
         methods = counts.loc[counts[name] > 0, name]
-        parts = ", ".join(f"{labels.get(method, method)} {count}" for method, count in methods.items())
-        texts.append(f"{words}: {methods.sum()} of {len(parameters)}" + (f" ({parts})" if parts else ""))
+        parts = ", ".join(
+            f"{labels.get(method, method)} {count}" for method, count in methods.items()
+        )
+        texts.append(
+            f"{words}: {methods.sum()} of {len(parameters)}" + (f" ({parts})" if parts else "")
+        )
     rings = " In figures they have rings." if counts.to_numpy().any() else ""
     return f"Identifications {'; '.join(texts)}.{rings}"

@@ -33,8 +33,14 @@ from ankleloop.simulation.settings import SimulationSettings
 
 MOST_COLUMNS = 8  # parameters over which lines are drawn
 LEAST_SHARE = 0.5  # of the trials of a point that need an estimate for its mean to be ranked
-FAULT_SHARE = 0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
-QUANTILES = {"low": 0.1, "median": 0.5, "high": 0.9}  # between the outer ones are 80 % of the trials
+FAULT_SHARE = (
+    0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
+)
+QUANTILES = {
+    "low": 0.1,
+    "median": 0.5,
+    "high": 0.9,
+}  # between the outer ones are 80 % of the trials
 STATISTICS = ["mean", "sd", "n", "margin", *QUANTILES]
 FAULTS = ["trials", "failures", "warnings"]
 DIFFERENCE = MethodStyle("#222222", "o")
@@ -99,23 +105,35 @@ class SweepStudy:
         trials = measure_trials(table, varied, wanted, simulation)
         quantities = [name for name in wanted if trials[name].notna().any()]
         if not quantities:
-            raise DataError(f"{path}: no method has a value of {', '.join(wanted)}: name other quantities under sweep.")
+            raise DataError(
+                f"{path}: no method has a value of {', '.join(wanted)}: name other quantities under sweep."
+            )
         points = trials.drop_duplicates("point")
         axes = {
-            name: SweepAxis.of(name, label_parameter(name, methods), points[name], CONDITIONS.get(name))
+            name: SweepAxis.of(
+                name, label_parameter(name, methods), points[name], CONDITIONS.get(name)
+            )
             for name in varied
         }
         parameters = tuple(axis for axis in axes.values() if len(axis.values) > 1)
         drawn = tuple(axes[name] for name in settings["axes"] or ()) or parameters[:MOST_COLUMNS]
-        labels = {name: label for name, label in methods.items() if name in (settings["methods"] or methods)}
+        labels = {
+            name: label
+            for name, label in methods.items()
+            if name in (settings["methods"] or methods)
+        }
         shown, pair = trials[trials["method"].isin(list(labels))], settings["difference"] or ()
         difference = " − ".join(methods[name] for name in pair)
         if pair:
-            shown = pd.concat([shown, pair_methods(trials, pair[0], pair[1], quantities)], ignore_index=True)
+            shown = pd.concat(
+                [shown, pair_methods(trials, pair[0], pair[1], quantities)], ignore_index=True
+            )
         absent = [name for name in wanted if name not in quantities]
         styles = label_styles(methods, algorithms or {}) | {difference: DIFFERENCE}
         drawn = drawn or tuple(axes.values())[:1]
-        return cls(shown, parameters, drawn, quantities, absent, labels, difference, simulation, styles)
+        return cls(
+            shown, parameters, drawn, quantities, absent, labels, difference, simulation, styles
+        )
 
     @cached_property
     def panels(self) -> dict[tuple[str, bool], SweepPanel]:
@@ -127,7 +145,9 @@ class SweepStudy:
                 truth = true_values(self.simulation, [name])[name]
             panels[name, False] = SweepPanel(name, quantity.label, desired_value(name), truth)
             if self.difference:
-                label = f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
+                label = (
+                    f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
+                )
                 panels[name, True] = SweepPanel(name, label, "zero")
         return panels
 
@@ -141,7 +161,10 @@ class SweepStudy:
         table = summary.rename(columns={"mean": "value"})
         is_share, series = table["quantity"].isin(FAULT_SHARES), table["method"].map(self.labels)
         keys = zip(table["quantity"], series.isna(), strict=True)
-        table["series"], table["panel"] = series.fillna(self.difference), [self.panels[key].label for key in keys]
+        table["series"], table["panel"] = (
+            series.fillna(self.difference),
+            [self.panels[key].label for key in keys],
+        )
         margin = table["margin"].mask(is_share)
         table["low"], table["high"] = table["value"] - margin, table["value"] + margin
         faults = table["failures"] + table["warnings"]
@@ -151,29 +174,44 @@ class SweepStudy:
 
 
 def measure_trials(
-    table: pd.DataFrame, varied: Sequence[str], quantities: Sequence[str], simulation: Mapping[str, Any]
+    table: pd.DataFrame,
+    varied: Sequence[str],
+    quantities: Sequence[str],
+    simulation: Mapping[str, Any],
 ) -> pd.DataFrame:
     """Quantities of each trial of a table; errors are relative to the truth of each point, in per cent."""
     faults = list_faults(table)
-    trials = table[["point", "trial", *varied, "method"]].assign(failed=faults["failures"], warned=faults["warnings"])
+    trials = table[["point", "trial", *varied, "method"]].assign(
+        failed=faults["failures"], warned=faults["warnings"]
+    )
     table = table.assign(**(100.0 * faults))
     for name in quantities:
         source = ERRORS.get(name, name)
         # Where the points of a sweep have a value of the same name, the estimate has another column.
-        values = table.get(f"{source}{ESTIMATED}", table.get(source, pd.Series(np.nan, table.index))).astype(float)
+        values = table.get(
+            f"{source}{ESTIMATED}", table.get(source, pd.Series(np.nan, table.index))
+        ).astype(float)
         if name in ERRORS:  # an error [%] does not exist where the truth is 0
             setting = SETTINGS[source]
-            truth = table.get(setting, pd.Series(simulation.get(setting), table.index)).astype(float)
+            truth = table.get(setting, pd.Series(simulation.get(setting), table.index)).astype(
+                float
+            )
             values = 100.0 * (values / truth.where(truth != 0) - 1.0)
         trials[name] = values
     return trials
 
 
-def pair_methods(trials: pd.DataFrame, first: str, second: str, quantities: Sequence[str]) -> pd.DataFrame:
+def pair_methods(
+    trials: pd.DataFrame, first: str, second: str, quantities: Sequence[str]
+) -> pd.DataFrame:
     """Differences of two methods, trial by trial: both have identified the same record."""
-    own, other = (trials[trials["method"] == name].set_index(["point", "trial"]) for name in (first, second))
+    own, other = (
+        trials[trials["method"] == name].set_index(["point", "trial"]) for name in (first, second)
+    )
     other = other.reindex(own.index)
-    table = own.assign(method=f"{first} − {second}", **{name: own[name] - other[name] for name in quantities})
+    table = own.assign(
+        method=f"{first} − {second}", **{name: own[name] - other[name] for name in quantities}
+    )
     failed, warned = own["failed"] | other["failed"], own["warned"] | other["warned"]
     return table.assign(failed=failed, warned=warned & ~failed).reset_index()[list(trials.columns)]
 
@@ -183,10 +221,14 @@ def _group(table: pd.DataFrame, by: Sequence[str]) -> Any:
     return table.groupby(list(by), sort=False, dropna=False, observed=True)
 
 
-def summarise_sweep(trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]) -> pd.DataFrame:
+def summarise_sweep(
+    trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]
+) -> pd.DataFrame:
     """Means over trials with their spread, and what the means leave out."""
     groups = _group(trials, by)
-    counts = groups.agg(trials=("failed", "size"), failures=("failed", "sum"), warnings=("warned", "sum"))
+    counts = groups.agg(
+        trials=("failed", "size"), failures=("failed", "sum"), warnings=("warned", "sum")
+    )
     tables = []
     for name in quantities:
         table = groups[name].agg(mean="mean", sd="std", n="count").join(counts)
@@ -213,7 +255,12 @@ def summarise_effects(
     by = ["parameter", "setting", "method"]
     several = _group(table, by)["condition"].transform("nunique") > 1
     table["unit"] = table["condition"].where(several, table["trial"])
-    units = _group(table, [*by, "unit"])[list(quantities)].mean().reset_index().assign(failed=False, warned=False)
+    units = (
+        _group(table, [*by, "unit"])[list(quantities)]
+        .mean()
+        .reset_index()
+        .assign(failed=False, warned=False)
+    )
     means = summarise_sweep(units, by, quantities)[["mean", "sd", "n", "margin"]]
     return summarise_sweep(table, by, quantities).assign(**means)
 
@@ -223,7 +270,10 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     if len(sweep.axes) == 2:
         return draw_map(sweep)
     binned = len(sweep.axes) > 1
-    effects = [summarise_effects(sweep.trials, axis, sweep.quantities, binned=binned) for axis in sweep.axes]
+    effects = [
+        summarise_effects(sweep.trials, axis, sweep.quantities, binned=binned)
+        for axis in sweep.axes
+    ]
     rows = sweep.label_rows(pd.concat(effects))
     figure = lines_figure(rows, sweep.axes, list(sweep.panels.values()), sweep.styles)
     return figure, f"{_describe(sweep, sweep.axes)}; {BANDS}.{MARKS}"
@@ -233,13 +283,21 @@ def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
     """Maps over the first two axes of a sweep; a random design is binned."""
     x, y = sweep.axes[:2]
     trials = sweep.trials
-    if 2 * len(trials[[x.name, y.name]].drop_duplicates()) < len(x.values) * len(y.values):  # no grid
+    if 2 * len(trials[[x.name, y.name]].drop_duplicates()) < len(x.values) * len(
+        y.values
+    ):  # no grid
         trials = trials.assign(**{axis.name: axis.bin(trials[axis.name]) for axis in (x, y)})
-        x, y = (SweepAxis.of(axis.name, axis.label, trials[axis.name], axis.words) for axis in (x, y))
+        x, y = (
+            SweepAxis.of(axis.name, axis.label, trials[axis.name], axis.words) for axis in (x, y)
+        )
     table = trials.assign(x=trials[x.name], y=trials[y.name])
     cells = sweep.label_rows(summarise_sweep(table, ["x", "y", "method"], sweep.quantities))
     figure = maps_figure(cells, (x, y), list(sweep.panels.values()))
-    truths = [SWEEP_QUANTITIES[panel.quantity].symbol for panel in sweep.panels.values() if panel.truth is not None]
+    truths = [
+        SWEEP_QUANTITIES[panel.quantity].symbol
+        for panel in sweep.panels.values()
+        if panel.truth is not None
+    ]
     white = f" White is the true value of {', '.join(truths)}." if truths else ""
     text = f"{_describe(sweep, sweep.axes[:2])}. The ends of colour bars stand for all values beyond them."
     return figure, f"{text}{white}{MARKS}"
@@ -251,13 +309,17 @@ def _describe(sweep: SweepStudy, axes: tuple[SweepAxis, ...]) -> str:
     others = [axis.description for axis in sweep.parameters if axis.name not in names]
     text = f"Means over trials against {', '.join(axis.description for axis in axes)}"
     text += f"; each is over all values of {', '.join(others)}" if others else ""
-    return text + (f"; differences (Δ) are {sweep.difference}, trial by trial" if sweep.difference else "")
+    return text + (
+        f"; differences (Δ) are {sweep.difference}, trial by trial" if sweep.difference else ""
+    )
 
 
 def describe_design(sweep: SweepStudy) -> str:
     """What was varied: each parameter with its values, and the numbers of points, conditions, trials and faults."""
     points = sweep.trials.drop_duplicates("point")
-    settings = [axis.name for axis in sweep.parameters if axis.name in SimulationSettings.model_fields]
+    settings = [
+        axis.name for axis in sweep.parameters if axis.name in SimulationSettings.model_fields
+    ]
     conditions = len(points[settings].drop_duplicates()) if settings else 1
     own = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
     absent = ", ".join(SWEEP_QUANTITIES[name].symbol for name in sweep.absent)
@@ -281,15 +343,25 @@ def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     """Points with the best and the worst mean of each quantity and method; lowest and highest without a goal."""
     table = summary[summary["n"] >= LEAST_SHARE * summary["trials"]]
     goals = table["quantity"].map(desired_value)
-    error = np.sqrt(table["mean"] ** 2 + table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"])
-    size = table["mean"].mask(goals == "high", -table["mean"]).mask(goals == "zero", error)  # the less, the better
+    error = np.sqrt(
+        table["mean"] ** 2 + table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"]
+    )
+    size = (
+        table["mean"].mask(goals == "high", -table["mean"]).mask(goals == "zero", error)
+    )  # the less, the better
     table = table.assign(size=size).sort_values("size", kind="stable")
     rows = []
     for name, method in product(sweep.quantities, sweep.labels):
         part = table[(table["quantity"] == name) & (table["method"] == method)]
         ranks = ("best", "worst") if desired_value(name) else ("lowest", "highest")
-        for rank, (_, point) in zip(ranks, part.iloc[[0, -1]].iterrows(), strict=True) if len(part) > 1 else ():
-            row = {"quantity": SWEEP_QUANTITIES[name].label, "method": sweep.labels[method], "rank": rank}
+        for rank, (_, point) in (
+            zip(ranks, part.iloc[[0, -1]].iterrows(), strict=True) if len(part) > 1 else ()
+        ):
+            row = {
+                "quantity": SWEEP_QUANTITIES[name].label,
+                "method": sweep.labels[method],
+                "rank": rank,
+            }
             row |= {axis.heading: axis.format(point[axis.name]) for axis in sweep.parameters}
             row["mean ± sd"] = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")[0]
             rows.append(row | {count: str(point[count]) for count in FAULTS})

@@ -16,7 +16,16 @@ from ankleloop.trials.files import atomic_file, write_csv
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"
 SEPARATOR = "-without-"  # in the name of a method: method, step
-COLUMNS = ["vaf_net_measured", "vaf_intrinsic_true", "vaf_reflex_true", "K", "B", "I", "spectral_radius", "pole_error"]
+COLUMNS = [
+    "vaf_net_measured",
+    "vaf_intrinsic_true",
+    "vaf_reflex_true",
+    "K",
+    "B",
+    "I",
+    "spectral_radius",
+    "pole_error",
+]
 
 
 def format_number(value: float, spec: str = ".4g", margin: float = np.nan) -> str:
@@ -26,29 +35,43 @@ def format_number(value: float, spec: str = ".4g", margin: float = np.nan) -> st
     return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
 
 
-def format_pairs(first: Iterable[float], second: Iterable[float], template: str = "{:.1f} ± {:.1f}") -> list[str]:
+def format_pairs(
+    first: Iterable[float], second: Iterable[float], template: str = "{:.1f} ± {:.1f}"
+) -> list[str]:
     """Pairs of numbers as text, such as means with standard deviations, or the ends of intervals."""
     pairs = zip(first, second, strict=True)
-    return ["–" if pd.isna(pair[0]) else template.format(*pair).replace("nan", "–") for pair in pairs]
+    return [
+        "–" if pd.isna(pair[0]) else template.format(*pair).replace("nan", "–") for pair in pairs
+    ]
 
 
 def format_columns(table: pd.DataFrame, names: Iterable[str], template: str) -> pd.DataFrame:
     """Columns of numbers as text."""
-    return table.assign(**{name: format_pairs(table[name], table[name], template) for name in names})
+    return table.assign(
+        **{name: format_pairs(table[name], table[name], template) for name in names}
+    )
 
 
 def format_means(
-    summary: pd.DataFrame, name: str, template: str = "{:.1f} ± {:.1f}", *, truth: pd.Series | None = None
+    summary: pd.DataFrame,
+    name: str,
+    template: str = "{:.1f} ± {:.1f}",
+    *,
+    truth: pd.Series | None = None,
 ) -> list[str]:
     """Means over trials ± half of their 95 % intervals; as errors in percent where true values are given."""
     means = summary[f"{name}_mean"]
-    margins = pd.Series(confidence_margin(summary[f"{name}_std"], summary[f"{name}_count"]), summary.index)
+    margins = pd.Series(
+        confidence_margin(summary[f"{name}_std"], summary[f"{name}_count"]), summary.index
+    )
     if truth is not None:
         means, margins = 100.0 * (means / truth - 1.0), 100.0 * margins / truth
     return format_pairs(means, margins, template)
 
 
-def compare_with_published(details: pd.DataFrame, published: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+def compare_with_published(
+    details: pd.DataFrame, published: pd.DataFrame, by: Sequence[str]
+) -> pd.DataFrame:
     """Mean and standard deviation over trials beside the published numbers."""
     keys = ["method", "torque", "against"]
     table = summarise_scores(details, [*by, "method"]).merge(published, how="left", on=keys)
@@ -57,13 +80,19 @@ def compare_with_published(details: pd.DataFrame, published: pd.DataFrame, by: S
 
 def format_table(table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
     """A table as people read it: labels for methods, mean ± half its 95 % interval, difference to the paper, counts."""
-    numbers = [name for name in ("paper", "mean", "sd", "n", *COUNTS, "low", "high") if name in table]
+    numbers = [
+        name for name in ("paper", "mean", "sd", "n", *COUNTS, "low", "high") if name in table
+    ]
     cells = table.drop(columns=numbers).assign(method=table["method"].map(labels))
     settings = cells.select_dtypes("number").columns
     cells[settings] = cells[settings].map("{:g}".format).astype(object)
     cells["paper [%]"] = [format_number(value, ".0f") for value in table["paper"]]
-    cells["ours [%]"] = format_pairs(table["mean"], confidence_margin(table["sd"], table["n"]), "{:.1f} ± {:.2f}")
-    cells["difference [points]"] = [format_number(value, "+.1f") for value in table["mean"] - table["paper"]]
+    cells["ours [%]"] = format_pairs(
+        table["mean"], confidence_margin(table["sd"], table["n"]), "{:.1f} ± {:.2f}"
+    )
+    cells["difference [points]"] = [
+        format_number(value, "+.1f") for value in table["mean"] - table["paper"]
+    ]
     return cells.assign(**{name: table[name].astype(str) for name in COUNTS})
 
 
@@ -75,14 +104,26 @@ def compare_with_bound(
     """Errors of parameters over trials, their size over the Cramér-Rao bound, and intervals that hold the truth [%]."""
     rows, keys = [], ["point", "method"]
     for (point, method), part in details.groupby(keys, sort=False):
-        estimated = details[details["method"] == method].dropna(axis="columns", how="all")  # at some point
+        estimated = details[details["method"] == method].dropna(
+            axis="columns", how="all"
+        )  # at some point
         for name in (name for name in truths[point] if name in estimated):
-            truth, bound, values = truths[point][name], bounds[point, method].get(name, np.nan), part[name].dropna()
+            truth, bound, values = (
+                truths[point][name],
+                bounds[point, method].get(name, np.nan),
+                part[name].dropna(),
+            )
             mean, rmse = values.mean(), float(np.sqrt(((values - truth) ** 2).mean()))
             ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().astype(float)
             is_covered = (ends[f"{name}_low"] <= truth) & (truth <= ends[f"{name}_high"])
             row = {"point": point, "method": method, "parameter": name, "truth": truth}
-            row |= {"mean": mean, "bias": mean - truth, "sd": values.std(), "rmse": rmse, "n": len(values)}
+            row |= {
+                "mean": mean,
+                "bias": mean - truth,
+                "sd": values.std(),
+                "rmse": rmse,
+                "n": len(values),
+            }
             ratio = rmse / bound if bound > 0 else np.nan
             row |= {"bound": bound, "ratio": ratio, "covered": 100.0 * is_covered.mean()}
             rows.append(row)
@@ -93,34 +134,58 @@ def tabulate_omissions(
     details: pd.DataFrame, points: Mapping[str, Mapping[str, Any]], labels: Mapping[str, str]
 ) -> pd.DataFrame:
     """Means over trials of each method with all steps of the processing and without each, with what that changes."""
-    details = details.reindex(columns=list(dict.fromkeys([*details, *COLUMNS, "failure", "warnings"])))
+    details = details.reindex(
+        columns=list(dict.fromkeys([*details, *COLUMNS, "failure", "warnings"]))
+    )
     for step in OMITTED_STEPS:  # a warning that says which step is left out
-        details["warnings"] = details["warnings"].fillna("").str.replace(describe_omission(step), "", regex=False)
+        details["warnings"] = (
+            details["warnings"].fillna("").str.replace(describe_omission(step), "", regex=False)
+        )
     details["warnings"] = details["warnings"].str.strip()
     counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
     results = {
-        place: part.set_index("trial")[COLUMNS].astype(float) for place, part in details.groupby(["point", "method"])
+        place: part.set_index("trial")[COLUMNS].astype(float)
+        for place, part in details.groupby(["point", "method"])
     }
-    filtered = {_condition(settings): point for point, settings in points.items() if settings["antialias_cutoff"]}
-    unfiltered = {_condition(settings): point for point, settings in points.items() if not settings["antialias_cutoff"]}
+    filtered = {
+        _condition(settings): point
+        for point, settings in points.items()
+        if settings["antialias_cutoff"]
+    }
+    unfiltered = {
+        _condition(settings): point
+        for point, settings in points.items()
+        if not settings["antialias_cutoff"]
+    }
     rows = []
     for condition, point in filtered.items():
         for method in (name for name in labels if SEPARATOR not in name):
             places = {COMPLETE: (point, method), FILTER: (unfiltered.get(condition), method)}
-            places |= {step.replace("-", " "): (point, f"{method}{SEPARATOR}{step}") for step in OMITTED_STEPS}
+            places |= {
+                step.replace("-", " "): (point, f"{method}{SEPARATOR}{step}")
+                for step in OMITTED_STEPS
+            }
             for label, place in places.items():
                 if place in results:
                     row = {"condition": condition, "method": labels[method], "omitted_step": label}
-                    changes = _measure_changes(results[place], results[point, method], paired=label != FILTER)
+                    changes = _measure_changes(
+                        results[place], results[point, method], paired=label != FILTER
+                    )
                     rows.append({**row, **changes, **counts.loc[place]})
     return pd.DataFrame(rows)
 
 
 def _condition(settings: Mapping[str, Any]) -> str:
-    return "without noise" if settings["snr_db"] is None and settings["voluntary"] == 0 else "with noise"
+    return (
+        "without noise"
+        if settings["snr_db"] is None and settings["voluntary"] == 0
+        else "with noise"
+    )
 
 
-def _measure_changes(values: pd.DataFrame, complete: pd.DataFrame, *, paired: bool) -> dict[str, float]:
+def _measure_changes(
+    values: pd.DataFrame, complete: pd.DataFrame, *, paired: bool
+) -> dict[str, float]:
     """Means of all columns and their changes ("cost"), with their margins; paired changes are of the same trials."""
     means, margins = values.mean(), _margins(values)
     if paired:
@@ -129,7 +194,9 @@ def _measure_changes(values: pd.DataFrame, complete: pd.DataFrame, *, paired: bo
     else:
         costs, cost_margins = means - complete.mean(), np.hypot(margins, _margins(complete))
     numbers = {"mean": means, "margin": margins, "cost": costs, "cost_margin": cost_margins}
-    return {f"{name}_{key}": float(column[name]) for name in COLUMNS for key, column in numbers.items()}
+    return {
+        f"{name}_{key}": float(column[name]) for name in COLUMNS for key, column in numbers.items()
+    }
 
 
 def _margins(values: pd.DataFrame) -> pd.Series:

@@ -23,8 +23,16 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 
 NAMES = {"stiffness": "K", "viscosity": "B", "gain": "G"}  # of the trajectories of a simulation
-SCORES = {"error": "nrmse", "mean_error": "bias", "covered": "covered"}  # columns of the table of trials
-VARIATIONS = {"cycle": "{:g} cycles", "time": "over {:g} s", "schedule": "scheduling variable, {:g} s"}
+SCORES = {
+    "error": "nrmse",
+    "mean_error": "bias",
+    "covered": "covered",
+}  # columns of the table of trials
+VARIATIONS = {
+    "cycle": "{:g} cycles",
+    "time": "over {:g} s",
+    "schedule": "scheduling variable, {:g} s",
+}
 PLACES = 101
 SEED = 0  # of the perturbation, on which the bound hardly depends
 SPREAD = (0.025, 0.975)  # quantiles of the trials
@@ -34,10 +42,14 @@ Points = Mapping[str, Mapping[str, Any]]
 
 def _simulated(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Settings of the simulation; points of a study have options of methods beside them."""
-    return {name: value for name, value in settings.items() if name in SimulationSettings.model_fields}
+    return {
+        name: value for name, value in settings.items() if name in SimulationSettings.model_fields
+    }
 
 
-def profile_trajectories(settings: Mapping[str, Any], dimension: str, coordinate: np.ndarray) -> dict[str, np.ndarray]:
+def profile_trajectories(
+    settings: Mapping[str, Any], dimension: str, coordinate: np.ndarray
+) -> dict[str, np.ndarray]:
     """True K, B and G of a setting over what they vary with.
 
     Shapes: coordinate (places,); returns (places,).
@@ -51,28 +63,43 @@ def profile_trajectories(settings: Mapping[str, Any], dimension: str, coordinate
     return {NAMES[name]: values for name, values in truth._asdict().items()}
 
 
-def average_trajectories(estimates: Iterable[Estimate], settings: Mapping[str, Any]) -> pd.DataFrame:
+def average_trajectories(
+    estimates: Iterable[Estimate], settings: Mapping[str, Any]
+) -> pd.DataFrame:
     """Mean and spread of trajectories over trials, place by place, beside the truth."""
     curves = [estimate.trajectories for estimate in estimates if estimate.trajectories is not None]
     if not curves:
         return pd.DataFrame()
     dimension = str(next(iter(curves[0].sizes)))
     places = [curve[dimension].values for curve in curves]
-    coordinate = np.linspace(max(place[0] for place in places), min(place[-1] for place in places), PLACES)
+    coordinate = np.linspace(
+        max(place[0] for place in places), min(place[-1] for place in places), PLACES
+    )
     truths, tables = profile_trajectories(settings, dimension, coordinate), []
     for name in TRAJECTORY_TRUTHS:
-        values = [np.interp(coordinate, place, curve[name]) for place, curve in zip(places, curves, strict=True)]
+        values = [
+            np.interp(coordinate, place, curve[name])
+            for place, curve in zip(places, curves, strict=True)
+        ]
         trials = pd.DataFrame(np.stack(values))
         low, high = trials.quantile(SPREAD).to_numpy() if len(curves) > 1 else (np.nan, np.nan)
-        table = pd.DataFrame({"place": coordinate, "truth": truths[name], "mean": trials.mean(), "sd": trials.std()})
-        tables.append(table.assign(low=low, high=high, n=trials.count(), parameter=name, dimension=dimension))
+        table = pd.DataFrame(
+            {"place": coordinate, "truth": truths[name], "mean": trials.mean(), "sd": trials.std()}
+        )
+        tables.append(
+            table.assign(low=low, high=high, n=trials.count(), parameter=name, dimension=dimension)
+        )
     return pd.concat(tables, ignore_index=True)
 
 
-def average_study(paths: Sequence[str | PathLike[str]], points: Points, methods: Iterable[str]) -> pd.DataFrame:
+def average_study(
+    paths: Sequence[str | PathLike[str]], points: Points, methods: Iterable[str]
+) -> pd.DataFrame:
     """Mean trajectories of every setting and method of a study."""
     parts = [
-        average_trajectories(load_estimates(paths, point, method).values(), settings).assign(point=point, method=method)
+        average_trajectories(load_estimates(paths, point, method).values(), settings).assign(
+            point=point, method=method
+        )
         for (point, settings), method in product(points.items(), methods)
     ]
     if not any(map(len, parts)):
@@ -95,8 +122,13 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
         row = {"point": point, "method": method, "parameter": name}
         for column, score in SCORES.items():
             values = part.get(f"{name}_{score}", pd.Series(dtype=float))
-            row |= {column: values.mean(), f"{column}_margin": confidence_margin(values.std(), values.count())}
-        curve = curves.get((point, method, name), pd.DataFrame(columns=averages.columns, dtype=float))
+            row |= {
+                column: values.mean(),
+                f"{column}_margin": confidence_margin(values.std(), values.count()),
+            }
+        curve = curves.get(
+            (point, method, name), pd.DataFrame(columns=averages.columns, dtype=float)
+        )
         scale = 100.0 / curve["truth"].mean()
         row["bias"] = scale * np.sqrt(((curve["mean"] - curve["truth"]) ** 2).mean())
         row["random"] = scale * np.sqrt((curve["sd"] ** 2).mean())
@@ -108,7 +140,9 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
 def count_cycles(details: pd.DataFrame) -> str:
     """Smallest and largest number of whole cycles of a trial that were identified; empty without cycles."""
     counts = details["cycles"].dropna() if "cycles" in details else pd.Series(dtype=float)
-    return " to ".join(dict.fromkeys(f"{count:.0f}" for count in (counts.min(), counts.max()) if counts.size))
+    return " to ".join(
+        dict.fromkeys(f"{count:.0f}" for count in (counts.min(), counts.max()) if counts.size)
+    )
 
 
 def title_setting(settings: Mapping[str, Any], varied: Sequence[str]) -> str:
@@ -116,7 +150,9 @@ def title_setting(settings: Mapping[str, Any], varied: Sequence[str]) -> str:
     parts = [format_load(settings)] if set(LOAD) & set(varied) else []
     if "voluntary" in varied:
         parts.append(f"voluntary {100 * settings['voluntary']:g} %")
-    extent = settings["duration"] / (settings["cycle_duration"] if settings["variation"] == "cycle" else 1.0)
+    extent = settings["duration"] / (
+        settings["cycle_duration"] if settings["variation"] == "cycle" else 1.0
+    )
     parts.append(VARIATIONS[settings["variation"]].format(round(extent, 6)))
     if settings["variation"] == "cycle" and settings["cycle_jitter"]:
         parts.append(f"durations ± {100 * settings['cycle_jitter']:g} %")

@@ -26,7 +26,9 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
 
-ERRORS = {f"{name}_error": name for name in SETTINGS}  # parameter of which a quantity is the relative error
+ERRORS = {
+    f"{name}_error": name for name in SETTINGS
+}  # parameter of which a quantity is the relative error
 SHOWN = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
 FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
 TRAJECTORY_SCORES = {
@@ -36,7 +38,11 @@ TRAJECTORY_SCORES = {
     "rise": ("rise time of {}(·)", "s"),
 }
 SYMBOLS = {  # symbol and unit of each quantity
-    **{f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%") for t in TORQUES for against in ("measured", "true")},
+    **{
+        f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%")
+        for t in TORQUES
+        for against in ("measured", "true")
+    },
     **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
     **{error: (f"error of {QUANTITIES[name].symbol}", "%") for error, name in ERRORS.items()},
     "order": ("order", "1"),
@@ -56,11 +62,15 @@ SYMBOLS = {  # symbol and unit of each quantity
     **{name: (label, "%") for name, label in FAULT_SHARES.items()},
 }
 # What pictures of a sweep can show: scores, parameters, their errors, and shares of trials with a fault.
-SWEEP_QUANTITIES = {name: Quantity(symbol, symbol, unit) for name, (symbol, unit) in SYMBOLS.items()}
+SWEEP_QUANTITIES = {
+    name: Quantity(symbol, symbol, unit) for name, (symbol, unit) in SYMBOLS.items()
+}
 HASH = b"settings"  # key of the hash of the settings that made a file
 REMEDY = "delete it, and run again"
 TYPES = {
-    **dict.fromkeys(("study", "point", "method", "reference", "intervals", "failure", "warnings"), pa.string()),
+    **dict.fromkeys(
+        ("study", "point", "method", "reference", "intervals", "failure", "warnings"), pa.string()
+    ),
     **dict.fromkeys(("trial", "order", "passes", "cycles"), pa.int64()),
     **dict.fromkeys(("converged", "stable"), pa.bool_()),
 }  # of columns that hold no floating-point numbers
@@ -76,7 +86,9 @@ def as_table(rows: Sequence[Mapping[str, Any]], varied: Mapping[str, pa.DataType
     for name in dict.fromkeys([*(name for row in rows for name in row), *LAST]):
         kind = varied.get(name) or TYPES.get(name.removesuffix(ESTIMATED), pa.float64())
         values = [row.get(name) for row in rows]
-        columns[name] = pa.array([None if value == "" else value for value in values], kind, from_pandas=True)
+        columns[name] = pa.array(
+            [None if value == "" else value for value in values], kind, from_pandas=True
+        )
     return pa.table(columns)
 
 
@@ -109,9 +121,13 @@ def join_tables(
             raise DataError(f"{chunk}: the table was made with other settings: {REMEDY}.")
     schema = pa.unify_schemas([_read_schema(chunk).remove_metadata() for chunk in chunks])
     schema = pa.schema([schema.field(name) for name in _order_columns(schema.names, varied)])
-    table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(use_threads=False)
+    table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(
+        use_threads=False
+    )
     if len(table) != rows:
-        raise DataError(f"{next(iter(chunks))} …: they have {len(table)} of {rows} rows: delete them, and run again.")
+        raise DataError(
+            f"{next(iter(chunks))} …: they have {len(table)} of {rows} rows: delete them, and run again."
+        )
     reasons = set(table["failure"].unique().to_pylist())
     if None not in reasons:
         raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
@@ -152,7 +168,9 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
     texts = [field.name for field in schema if pa.types.is_string(field.type)]
     with name_errors(path, "table of trials", REMEDY):
         options = {"page_checksum_verification": True, "use_threads": False}
-        return parquet.read_table(path, columns=columns, read_dictionary=texts, **options).to_pandas(use_threads=False)
+        return parquet.read_table(
+            path, columns=columns, read_dictionary=texts, **options
+        ).to_pandas(use_threads=False)
 
 
 def read_results(path: PathLike) -> pd.DataFrame:
@@ -161,7 +179,9 @@ def read_results(path: PathLike) -> pd.DataFrame:
     ranks = [pd.factorize(table[name])[0] for name in ("method", "point")]
     table = table.iloc[np.lexsort((table["trial"], *ranks))].reset_index(drop=True)
     table = table.astype(dict.fromkeys(table.select_dtypes("category").columns, object))
-    return table.drop(columns=[name for name in table if name.startswith("vaf_") and name.endswith(ENDS)])
+    return table.drop(
+        columns=[name for name in table if name.startswith("vaf_") and name.endswith(ENDS)]
+    )
 
 
 def _read_schema(path: PathLike) -> pa.Schema:
@@ -176,7 +196,11 @@ def _order_columns(names: Collection[str], varied: Sequence[str]) -> list[str]:
 
     def place(name: str) -> tuple[bool, int, str]:
         base = name.removesuffix("_low").removesuffix("_high").removesuffix(ESTIMATED)
-        return not name.startswith("vaf_"), ORDER.get(base, len(ORDER)), name.replace("_low", "_ends")
+        return (
+            not name.startswith("vaf_"),
+            ORDER.get(base, len(ORDER)),
+            name.replace("_low", "_ends"),
+        )
 
     return [*first, *sorted(set(names) - {*first, *LAST}, key=place), *LAST]
 
@@ -185,7 +209,9 @@ def default_quantities(columns: Collection[str]) -> list[str]:
     """Quantities that are shown where the configuration names none: against the true torques where there are any."""
     scores = [[f"vaf_{torque}_{against}" for against in ("true", "measured")] for torque in TORQUES]
     first = [next((name for name in names if name in columns), "") for names in scores]
-    return [name for name in first if name] + [f"{name}_error" for name in ("K", "G") if name in columns]
+    return [name for name in first if name] + [
+        f"{name}_error" for name in ("K", "G") if name in columns
+    ]
 
 
 def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
@@ -194,7 +220,11 @@ def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
         return "high"
     if quantity in ERRORS or quantity.endswith("_bias"):
         return "zero"
-    return "low" if quantity == "pole_error" or quantity.endswith("_nrmse") or quantity in FAULT_SHARES else None
+    return (
+        "low"
+        if quantity == "pole_error" or quantity.endswith("_nrmse") or quantity in FAULT_SHARES
+        else None
+    )
 
 
 def label_parameter(name: str, labels: Mapping[str, str]) -> str:
@@ -204,6 +234,8 @@ def label_parameter(name: str, labels: Mapping[str, str]) -> str:
     else:
         method, _, field = name.rpartition(".")
         words = field.replace("_", " ") + (f" of {labels.get(method, method)}" if method else "")
-        options = [entry.options for entry in METHODS.values() if field in entry.options.model_fields]
+        options = [
+            entry.options for entry in METHODS.values() if field in entry.options.model_fields
+        ]
         unit = options[0].unit(field) if options else "1"
     return f"{words} [{unit}]"

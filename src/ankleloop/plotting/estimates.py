@@ -57,12 +57,17 @@ def centre_torques(trial: PreparedTrial | None, estimate: Estimate) -> CentredTo
     if trial is not None:
         measured = trial.channel_at("torque", time, rate)
         if {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
-            parts = {part: _centre(trial.channel_at(f"torque_{part}", time, rate)) for part in TORQUES[1:]}
+            parts = {
+                part: _centre(trial.channel_at(f"torque_{part}", time, rate))
+                for part in TORQUES[1:]
+            }
             true = {"net": parts["intrinsic"] + parts["reflex"], **parts}
     elif MEASURED_TORQUE in estimate.torque:
         measured = estimate.torque[MEASURED_TORQUE].values
     else:
-        raise DataError("the estimate holds no measured torque: give the trial, estimate.plot(trial).")
+        raise DataError(
+            "the estimate holds no measured torque: give the trial, estimate.plot(trial)."
+        )
     estimated = {torque: _centre(estimate.torque[torque].values) for torque in TORQUES}
     return CentredTorques(time, _centre(measured), true, estimated)
 
@@ -121,37 +126,61 @@ def torque_figure(
     3
     """
     prepared = None if trial is None else prepare(trial)
-    styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
-    looks = {f"{label} (estimated)": replace(styles[label], more=ESTIMATED) for label in estimates} | TARGETS
-    time = next(iter(estimates.values())).torque["time"].values if prepared is None else prepared.samples["time"]
+    styles = styles or method_styles(
+        {label: estimate.method for label, estimate in estimates.items()}
+    )
+    looks = {
+        f"{label} (estimated)": replace(styles[label], more=ESTIMATED) for label in estimates
+    } | TARGETS
+    time = (
+        next(iter(estimates.values())).torque["time"].values
+        if prepared is None
+        else prepared.samples["time"]
+    )
     first, last = find_window(time, start, length)
     titles, parts = {}, []
     for label, estimate in estimates.items():
         torques = centre_torques(prepared, estimate)
         inside = (torques.time >= first) & (torques.time <= last)
         scores = {"net": (estimate.vaf_net, "measured")}
-        if prepared is not None:  # the first of each torque: the net torque against the measured one
+        if (
+            prepared is not None
+        ):  # the first of each torque: the net torque against the measured one
             rows = evaluate(prepared, estimate).groupby("torque", sort=False).first()
-            scores = dict(zip(rows.index, rows[["vaf", "against"]].itertuples(index=False), strict=True))
+            scores = dict(
+                zip(rows.index, rows[["vaf", "against"]].itertuples(index=False), strict=True)
+            )
         for torque in TORQUES:
             vaf, against = scores.get(torque, (None, "true" if torques.true else "measured"))
             score = (
-                f": VAF {vaf:.1f} % ({against})" if vaf is not None else ": no VAF (true: zero)" * bool(torques.true)
+                f": VAF {vaf:.1f} % ({against})"
+                if vaf is not None
+                else ": no VAF (true: zero)" * bool(torques.true)
             )
             titles[label, torque] = (f"{label}\n" if torque == "net" else "") + torque + score
-            true = ("true (simulated)", torques.true[torque]) if against == "true" else ("measured", torques.measured)
+            true = (
+                ("true (simulated)", torques.true[torque])
+                if against == "true"
+                else ("measured", torques.measured)
+            )
             for series, values in (true, (f"{label} (estimated)", torques.estimated[torque])):
                 names = {"panel": f"{label} {torque}", "series": series, "method": label}
-                parts.append(pd.DataFrame({**names, "x": torques.time[inside], "value": values[inside]}))
+                parts.append(
+                    pd.DataFrame({**names, "x": torques.time[inside], "value": values[inside]})
+                )
     places = list(product(estimates, TORQUES))
     if len(estimates) <= COLUMNS:  # as in the paper; more methods have a row each
         places = [(label, torque) for torque in TORQUES for label in estimates]
     panels = {
-        f"{label} {torque}": Panel(f"{torque} torque [N·m]", titles[label, torque], xlabel="time [s]")
+        f"{label} {torque}": Panel(
+            f"{torque} torque [N·m]", titles[label, torque], xlabel="time [s]"
+        )
         for label, torque in places
     }
     columns = min(COLUMNS, len(estimates))
-    figure, axes = draw_panels(pd.concat(parts), panels, looks, columns=columns, height=HEIGHT, sharex=True)
+    figure, axes = draw_panels(
+        pd.concat(parts), panels, looks, columns=columns, height=HEIGHT, sharex=True
+    )
     axes[0].set_xlim(first, last)
     figure.suptitle(title, size=8.0)
     return finish(figure)
@@ -177,11 +206,15 @@ def trajectories_figure(
     curves = {label: e.trajectories for label, e in estimates.items() if e.trajectories is not None}
     dimensions = {str(next(iter(part.sizes))) for part in curves.values()}
     if len(dimensions) != 1:
-        raise ValueError(f"trajectories must be functions of one thing, got {', '.join(sorted(dimensions)) or 'none'}.")
+        raise ValueError(
+            f"trajectories must be functions of one thing, got {', '.join(sorted(dimensions)) or 'none'}."
+        )
     (dimension,), first = dimensions, next(iter(curves.values()))
     own, unit = (first.attrs.get(key, "") for key in ("variable", "variable_unit"))
     xlabel = variable or (f"{own} [{unit}]" if unit else own) or ABSCISSAE[dimension]
-    styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
+    styles = styles or method_styles(
+        {label: estimate.method for label, estimate in estimates.items()}
+    )
     names = [name for name in PARAMETERS if any(name in part for part in curves.values())]
     panels = {name: Panel(QUANTITIES[name].label, xlabel=xlabel) for name in names}
     panels |= {f"excitation of {name}": Panel("excitation [1]", xlabel=xlabel) for name in names}
@@ -189,20 +222,39 @@ def trajectories_figure(
     blanks = []
     for name in names:
         if truths is not None and name in truths:
-            parts.append({"panel": name, "series": TRUTH, "x": truths[dimension], "value": truths[name]})
+            parts.append(
+                {"panel": name, "series": TRUTH, "x": truths[dimension], "value": truths[name]}
+            )
         for label, estimate in estimates.items():
             if name not in curves.get(label, ()):
                 constant = {**estimate.stiffness, **estimate.reflex}.get(name, np.nan)
-                parts.append({"panel": name, "series": label, "x": first[dimension], "value": constant})
+                parts.append(
+                    {"panel": name, "series": label, "x": first[dimension], "value": constant}
+                )
                 continue
             keys = dimension, name, f"{name}_low", f"{name}_high"
             place, value, low, high = (curves[label][key].values for key in keys)
-            parts.append({"panel": name, "series": label, "x": place, "value": value, "low": low, "high": high})
+            parts.append(
+                {
+                    "panel": name,
+                    "series": label,
+                    "x": place,
+                    "value": value,
+                    "low": low,
+                    "high": high,
+                }
+            )
             excitation = estimate.diagnostics.get("excitation", {}).get(name, np.nan)
-            parts.append({"panel": f"excitation of {name}", "series": label, "x": place, "value": excitation})
+            parts.append(
+                {"panel": f"excitation of {name}", "series": label, "x": place, "value": excitation}
+            )
             blanks.append((name, place, np.isnan(value)))
     table = pd.concat(map(pd.DataFrame, parts))
-    size: dict[str, Any] = {"columns": len(names), "height": 0.75 * ROW, "height_ratios": [2.2, 1.0]}
+    size: dict[str, Any] = {
+        "columns": len(names),
+        "height": 0.75 * ROW,
+        "height_ratios": [2.2, 1.0],
+    }
     figure, axes = draw_panels(table, panels, {**styles, TRUTH: TRUE}, sharex=True, **size)
     axes[-1].set_ylim(bottom=0.0)
     for name, place, blank in blanks:
@@ -227,7 +279,9 @@ def mean_trajectories_figure(table: pd.DataFrame, *, styles: Styles | None = Non
     """
     settings = list(dict.fromkeys(table["row"]))
     names = [name for name in PARAMETERS if name in set(table["parameter"])]
-    table = table.assign(panel=table["row"] + table["parameter"], x=table["place"], value=table["mean"])
+    table = table.assign(
+        panel=table["row"] + table["parameter"], x=table["place"], value=table["mean"]
+    )
     truths = table.drop_duplicates(["panel", "place"]).drop(columns=["low", "high"])
     rows = pd.concat([truths.assign(series=TRUTH, value=truths["truth"]), table])
     panels = {}
@@ -238,6 +292,8 @@ def mean_trajectories_figure(table: pd.DataFrame, *, styles: Styles | None = Non
         title = setting if name == names[len(names) // 2] else ""
         dimension = table.loc[table["row"] == setting, "dimension"].iloc[0]
         limits = low - margin, high + margin
-        panels[setting + name] = Panel(QUANTITIES[name].label, title, None, limits, ABSCISSAE[dimension])
+        panels[setting + name] = Panel(
+            QUANTITIES[name].label, title, None, limits, ABSCISSAE[dimension]
+        )
     styles = {**(styles or ordinal_styles(dict.fromkeys(table["series"]))), TRUTH: TRUE}
     return finish(draw_panels(rows, panels, styles, columns=len(names), height=ROW)[0])

@@ -13,19 +13,41 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
-from ankleloop.plotting.style import MARK, REFERENCE_LINE, STYLE, TWO_COLUMNS, DataFigure, MethodStyle, ordinal_styles
+from ankleloop.plotting.style import (
+    MARK,
+    REFERENCE_LINE,
+    STYLE,
+    TWO_COLUMNS,
+    DataFigure,
+    MethodStyle,
+    ordinal_styles,
+)
 
 # Around the symbol of a mean: some of its trials failed, or came with a warning.
-FAULT_RING: dict[str, Any] = {"ls": "", "marker": "o", "ms": 6.0, "mfc": "none", "mec": "#666666", "mew": 0.5}
+FAULT_RING: dict[str, Any] = {
+    "ls": "",
+    "marker": "o",
+    "ms": 6.0,
+    "mfc": "none",
+    "mec": "#666666",
+    "mew": 0.5,
+}
 FAULT_RING |= {"zorder": 4, "label": "with failures or warnings", "gid": MARK}
 ALL_FAILED = "every trial failed"  # label of a cross at the edge of a panel
 BAND = 0.22  # opacity
 NOTE: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": 6.5, "color": "#555555"}
 COLUMNS, HEIGHT = 3, 50.0  # panels side by side, and mm of a row of them
 ROW, SYMBOL = 5.5, 1.3  # mm of a row of symbols, and at least of each symbol in it
-LETTER, HANDLE, ENTRY = 3.8, 34.0, 4.2  # of a legend: points of a letter and of the line beside a label, mm of a row
+LETTER, HANDLE, ENTRY = (
+    3.8,
+    34.0,
+    4.2,
+)  # of a legend: points of a letter and of the line beside a label, mm of a row
 MOST_SYMBOLS = 25  # means of a curve that have a symbol each
-DIGITS = ((1.0, 2.0, 5.0), (1.0, 3.0))  # that have a label in each decade, by the room that there is
+DIGITS = (
+    (1.0, 2.0, 5.0),
+    (1.0, 3.0),
+)  # that have a label in each decade, by the room that there is
 # Columns of a table of series that may be missing: ends of the interval, and what came of the trials.
 OPTIONAL = {"low": np.nan, "high": np.nan, "marked": False, "failed": False}
 
@@ -88,7 +110,14 @@ def draw_panels(
         for number, series in enumerate(dict.fromkeys(table["series"])):
             if (name, series) in parts:
                 edge = 0.03 + 0.04 * number
-                _draw_curve(axis, parts[name, series], styles[series.lstrip("_")], series, edge, joined=panel.joined)
+                _draw_curve(
+                    axis,
+                    parts[name, series],
+                    styles[series.lstrip("_")],
+                    series,
+                    edge,
+                    joined=panel.joined,
+                )
         if panel.truth is not None:
             axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=1.5)
         if panel.limits:
@@ -114,20 +143,28 @@ def estimates_figure(
     """
     styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
     if "margin" in table:
-        table = table.assign(low=table["value"] - table["margin"], high=table["value"] + table["margin"])
+        table = table.assign(
+            low=table["value"] - table["margin"], high=table["value"] + table["margin"]
+        )
     table = table.rename(columns={"fault": "marked"})
     names, series = list(dict.fromkeys(table["row"])), list(dict.fromkeys(table["series"]))
     shift = 0.8 / max(5, len(series)) * (np.arange(len(series)) - 0.5 * (len(series) - 1))
     rows = table.assign(**{name: value for name, value in OPTIONAL.items() if name not in table})
-    rows["height"] = rows["row"].map(names.index) + rows["series"].map(dict(zip(series, shift, strict=True)))
+    rows["height"] = rows["row"].map(names.index) + rows["series"].map(
+        dict(zip(series, shift, strict=True))
+    )
     alike = len({(panel.label, panel.limits) for panel in panels.values()}) == 1
     height = max(ROW, SYMBOL * len(series)) * len(names) + 14.0
     figure, axes = panel_grid(len(panels), COLUMNS, height, sharex=alike, sharey=True)
     for axis, (name, panel) in zip(axes, panels.items(), strict=True):
-        axis.set(xlabel=panel.label, xlim=panel.limits, title=panel.title, ylim=(len(names) - 0.5, -0.5))
+        axis.set(
+            xlabel=panel.label, xlim=panel.limits, title=panel.title, ylim=(len(names) - 0.5, -0.5)
+        )
         axis.set_yticks(range(len(names)), names)
         for label, part in rows[rows["panel"] == name].groupby("series", sort=False):
-            _draw_symbols(axis, part, panel.limits or (-np.inf, np.inf), styles[str(label)], str(label))
+            _draw_symbols(
+                axis, part, panel.limits or (-np.inf, np.inf), styles[str(label)], str(label)
+            )
         truth = {} if panel.truth is None else {"true value": (panel.truth, REFERENCE_LINE)}
         for label, (value, look) in {**(levels or {}), **truth}.items():
             axis.axvline(value, label=label, **{"zorder": 1.5, **look})
@@ -137,21 +174,41 @@ def estimates_figure(
     return finish(figure)
 
 
-def _draw_symbols(axis: Axes, rows: pd.DataFrame, limits: tuple[float, float], style: MethodStyle, label: str) -> None:
+def _draw_symbols(
+    axis: Axes, rows: pd.DataFrame, limits: tuple[float, float], style: MethodStyle, label: str
+) -> None:
     """Symbols and intervals of a series; arrow heads at the limits of the panel for what is beyond."""
     low, high = limits
     value, heights = rows["value"].to_numpy(float), rows["height"].to_numpy()
     axis.hlines(heights, rows["low"], rows["high"], color=style.colour, lw=0.9, zorder=2)
-    axis.plot(np.where((value < low) | (value > high), np.nan, value), heights, **style.symbol, ls="", label=label)
-    arrow: dict[str, Any] = {"color": style.colour, "ls": "", "ms": 5.0, "mew": 0.0, "clip_on": False, "zorder": 3}
-    for beyond, edge, marker in ((value < low, low, 8), (value > high, high, 9)):  # carets, their tips at the edge
+    axis.plot(
+        np.where((value < low) | (value > high), np.nan, value),
+        heights,
+        **style.symbol,
+        ls="",
+        label=label,
+    )
+    arrow: dict[str, Any] = {
+        "color": style.colour,
+        "ls": "",
+        "ms": 5.0,
+        "mew": 0.0,
+        "clip_on": False,
+        "zorder": 3,
+    }
+    for beyond, edge, marker in (
+        (value < low, low, 8),
+        (value > high, high, 9),
+    ):  # carets, their tips at the edge
         if beyond.any():
             axis.plot(np.full(beyond.sum(), edge), heights[beyond], marker=marker, **arrow)
     marked, failed = rows["marked"].to_numpy(bool), rows["failed"].to_numpy(bool)
     draw_marks(axis, value.clip(low, high), heights, marked, failed, style.colour, edge=None)
 
 
-def _draw_curve(axis: Axes, rows: pd.DataFrame, style: MethodStyle, label: str, edge: float, *, joined: bool) -> None:
+def _draw_curve(
+    axis: Axes, rows: pd.DataFrame, style: MethodStyle, label: str, edge: float, *, joined: bool
+) -> None:
     """A curve with its band, or symbols with bars; marks of failures, those of lost means at a height in the panel."""
     x, value, low, high = (rows[name].to_numpy(float) for name in ("x", "value", "low", "high"))
     look = style.curve if len(rows) <= MOST_SYMBOLS else style.line
@@ -161,11 +218,25 @@ def _draw_curve(axis: Axes, rows: pd.DataFrame, style: MethodStyle, label: str, 
     elif np.isfinite(low).any():
         axis.fill_between(x, low, high, color=style.colour, alpha=BAND, lw=0)
     axis.plot(x, value, **look, label=label)
-    draw_marks(axis, x, value, rows["marked"].to_numpy(bool), rows["failed"].to_numpy(bool), style.colour, edge)
+    draw_marks(
+        axis,
+        x,
+        value,
+        rows["marked"].to_numpy(bool),
+        rows["failed"].to_numpy(bool),
+        style.colour,
+        edge,
+    )
 
 
 def draw_marks(
-    axis: Axes, x: np.ndarray, y: np.ndarray, marked: np.ndarray, failed: np.ndarray, colour: str, edge: float | None
+    axis: Axes,
+    x: np.ndarray,
+    y: np.ndarray,
+    marked: np.ndarray,
+    failed: np.ndarray,
+    colour: str,
+    edge: float | None,
 ) -> None:
     """Draw rings around means with failures or warnings, and crosses at an edge of a panel where every trial failed.
 
@@ -176,7 +247,14 @@ def draw_marks(
     if marked.any():
         axis.plot(x[marked], y[marked], **FAULT_RING)
     if failed.any():
-        cross: dict[str, Any] = {"marker": "x", "ms": 4.5, "ls": "", "color": colour, "zorder": 4, "clip_on": False}
+        cross: dict[str, Any] = {
+            "marker": "x",
+            "ms": 4.5,
+            "ls": "",
+            "color": colour,
+            "zorder": 4,
+            "clip_on": False,
+        }
         near = np.full(failed.sum(), 0.02 if edge is None else edge)
         places = (near, y[failed]) if edge is None else (x[failed], near)
         transform = axis.get_yaxis_transform() if edge is None else axis.get_xaxis_transform()
@@ -192,9 +270,13 @@ def note_lowest(axis: Axes, lowest: float) -> None:
 def set_logarithmic(axis: Axes, direction: str = "x", room: int = 6) -> None:
     """Logarithmic scale of what is drawn, with numbers instead of powers, as many as there is room for."""
     axis.set(**{f"{direction}scale": "log"})
-    scale, (low, high) = (axis.xaxis, axis.get_xlim()) if direction == "x" else (axis.yaxis, axis.get_ylim())
+    scale, (low, high) = (
+        (axis.xaxis, axis.get_xlim()) if direction == "x" else (axis.yaxis, axis.get_ylim())
+    )
     decades = np.log10(high / low)
-    scale.set_major_locator(LogLocator(subs=next((part for part in DIGITS if len(part) * decades < room), (1.0,))))
+    scale.set_major_locator(
+        LogLocator(subs=next((part for part in DIGITS if len(part) * decades < room), (1.0,)))
+    )
     scale.set_major_formatter("{x:g}")
     scale.set_minor_formatter("")
 
@@ -222,14 +304,24 @@ def name_quantities(table: pd.DataFrame, panels: Mapping[str, Panel]) -> pd.Data
 def finish(figure: DataFigure) -> DataFigure:
     """Leave the labels of shared axes to the outer panels, and add the legend."""
     shown = {axis: axis.get_subplotspec() for axis in figure.axes if axis.get_visible()}
-    places = {(spec.rowspan.start, spec.colspan.start): axis for axis, spec in shown.items() if spec}
+    places = {
+        (spec.rowspan.start, spec.colspan.start): axis for axis, spec in shown.items() if spec
+    }
     labels = {axis: (axis.get_xlabel(), axis.get_ylabel()) for axis in shown}
     for (row, column), axis in places.items():
         left, below = places.get((row, column - 1)), places.get((row + 1, column))
-        if left and axis.get_shared_y_axes().joined(axis, left) and labels[left][1] == labels[axis][1]:
+        if (
+            left
+            and axis.get_shared_y_axes().joined(axis, left)
+            and labels[left][1] == labels[axis][1]
+        ):
             axis.set_ylabel("")
             axis.tick_params(labelleft=False)
-        inner = below and axis.get_shared_x_axes().joined(axis, below) and labels[below][0] == labels[axis][0]
+        inner = (
+            below
+            and axis.get_shared_x_axes().joined(axis, below)
+            and labels[below][0] == labels[axis][0]
+        )
         axis.tick_params(labelbottom=not inner)
         axis.set_xlabel("" if inner else axis.get_xlabel())
     add_legend(figure)
@@ -246,9 +338,13 @@ def add_legend(figure: DataFigure) -> None:
         entry = LETTER * max(map(len, names)) + HANDLE
         columns = max(1, min(len(names), int(72.0 * figure.get_figwidth() / entry)))
         figure.set_figheight(figure.get_figheight() + ENTRY / 25.4 * -(-len(names) // columns))
-        figure.legend([lines[name] for name in names], names, loc="outside lower center", ncols=columns)
+        figure.legend(
+            [lines[name] for name in names], names, loc="outside lower center", ncols=columns
+        )
 
 
 def _rank(line: Line2D) -> int:
     """Place of an entry in a legend: series, other marks, marks of failures."""
-    return 2 if line.get_label() in (FAULT_RING["label"], ALL_FAILED) else int(line.get_gid() == MARK)
+    return (
+        2 if line.get_label() in (FAULT_RING["label"], ALL_FAILED) else int(line.get_gid() == MARK)
+    )

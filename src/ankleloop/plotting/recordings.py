@@ -30,14 +30,20 @@ SPECTRA = {  # panel, legend and style of each
     "position": ("position [rad²/Hz]", "_position", SIGNAL),
     "torque": ("torque [(N·m)²/Hz]", "_torque", SIGNAL),
     "coherence": (COHERENCE, "position and torque", MethodStyle("#1B1044", "")),
-    "reference_coherence": (COHERENCE, "reference and position", MethodStyle("#2A788E", "", dashes=(4, 1.2))),
+    "reference_coherence": (
+        COHERENCE,
+        "reference and position",
+        MethodStyle("#2A788E", "", dashes=(4, 1.2)),
+    ),
 }
 MODEL_PANELS = {
     "phase": Panel("intrinsic phase [°]", xlabel=FREQUENCY, log="x"),
     "response": Panel("intrinsic response [N·m/rad]", "per sample, two-sided", xlabel="time [s]"),
     "gain": Panel("intrinsic gain [N·m/rad]", xlabel=FREQUENCY, log="xy"),
     "nonlinearity": Panel("nonlinearity [N·m]", xlabel="delayed velocity [rad/s]"),
-    "reflex response": Panel("reflex response [1/s]", "of unit gain", xlabel="time after the movement [s]"),
+    "reflex response": Panel(
+        "reflex response [1/s]", "of unit gain", xlabel="time after the movement [s]"
+    ),
     "reflex gain": Panel("reflex gain over that at rest [1]", xlabel=FREQUENCY, log="xy"),
     "reflex phase": Panel("reflex phase without delay [°]", xlabel=FREQUENCY, log="x"),
 }
@@ -50,7 +56,9 @@ def spectra_figure(spectra: Mapping[str, np.ndarray]) -> DataFigure:
     panels |= {COHERENCE: Panel(COHERENCE, limits=(0.0, 1.02), xlabel=FREQUENCY, log="x")}
     styles = {series.lstrip("_"): style for _, series, style in shown.values()}
     parts = [
-        pd.DataFrame({"panel": label, "series": series, "x": spectra["frequency"], "value": spectra[name]})
+        pd.DataFrame(
+            {"panel": label, "series": series, "x": spectra["frequency"], "value": spectra[name]}
+        )
         for name, (label, series, _) in shown.items()
     ]
     return finish(draw_panels(pd.concat(parts), panels, styles, height=48.0)[0])
@@ -61,9 +69,13 @@ def model_figure(estimates: Mapping[str, Estimate], *, styles: Styles | None = N
 
     The first panel has the responses of methods that are not parametric, else the phase of the parametric models.
     """
-    styles = styles or method_styles({label: estimate.method for label, estimate in estimates.items()})
+    styles = styles or method_styles(
+        {label: estimate.method for label, estimate in estimates.items()}
+    )
     parts = [
-        pd.DataFrame({"panel": panel, "series": "_" * (panel == "response") + label, "x": x, "value": value})
+        pd.DataFrame(
+            {"panel": panel, "series": "_" * (panel == "response") + label, "x": x, "value": value}
+        )
         for label, estimate in estimates.items()
         for panel, (x, value) in _list_curves(estimate).items()
     ]
@@ -71,7 +83,9 @@ def model_figure(estimates: Mapping[str, Estimate], *, styles: Styles | None = N
     points = table["panel"] == SAMPLES
     table.loc[points, "series"] = "_" + table.loc[points, "series"] + ", per sample"
     look = {"ls": "", "marker": ".", "ms": 2.5, "mew": 0.0}
-    per_sample = {f"{label}, per sample": replace(style, more=look) for label, style in styles.items()}
+    per_sample = {
+        f"{label}, per sample": replace(style, more=look) for label, style in styles.items()
+    }
     hidden = "phase" if "response" in set(table["panel"]) else "response"
     panels = {name: panel for name, panel in MODEL_PANELS.items() if name != hidden}
     table["panel"] = table["panel"].replace(SAMPLES, "reflex response")
@@ -81,24 +95,40 @@ def model_figure(estimates: Mapping[str, Estimate], *, styles: Styles | None = N
 def _list_curves(estimate: Estimate) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Abscissae and ordinates of a model by their panels; those of the reflex are after its delay."""
     details, values, s = estimate.diagnostics, estimate.reflex, 2j * np.pi * FREQUENCIES
-    response = estimate.stiffness["K"] + estimate.stiffness["B"] * s + estimate.stiffness["I"] * s**2
+    response = (
+        estimate.stiffness["K"] + estimate.stiffness["B"] * s + estimate.stiffness["I"] * s**2
+    )
     curves = {"phase": (FREQUENCIES, _phase(response)), "gain": (FREQUENCIES, np.abs(response))}
     model = estimate.predictor
     if isinstance(model, ResponseModel):
         curves["response"] = model.lags()["intrinsic_lag"].values, model.intrinsic
     if details.get("nonlinearity") is not None:
-        curves["nonlinearity"] = details["nonlinearity"]["velocity"], details["nonlinearity"]["torque"]
+        curves["nonlinearity"] = (
+            details["nonlinearity"]["velocity"],
+            details["nonlinearity"]["torque"],
+        )
     if "omega_n" in values:
         dynamics = ReflexDynamics(values["omega_n"], values["zeta"], values.get("pole"))
         low_pass = dynamics.response(s)[0]
-        curves |= {"reflex gain": (FREQUENCIES, np.abs(low_pass)), "reflex phase": (FREQUENCIES, _phase(low_pass))}
+        curves |= {
+            "reflex gain": (FREQUENCIES, np.abs(low_pass)),
+            "reflex phase": (FREQUENCIES, _phase(low_pass)),
+        }
         time = np.arange(0.0, LONGEST, 1e-3)
-        samples = np.fft.irfft(dynamics.response(2j * np.pi * np.fft.rfftfreq(4096, 1e-3))[0])[: time.size] * 1e3
+        samples = (
+            np.fft.irfft(dynamics.response(2j * np.pi * np.fft.rfftfreq(4096, 1e-3))[0])[
+                : time.size
+            ]
+            * 1e3
+        )
         curves["reflex response"] = values["delay"] + time, samples
     if "omega_n" in values and isinstance(model, ResponseModel):
         lags = model.lags()["reflex_lag"].values
         window = lags < LONGEST
-        curves[SAMPLES] = values["delay"] + lags[window], model.reflex[window] / values["G"] / (lags[1] - lags[0])
+        curves[SAMPLES] = (
+            values["delay"] + lags[window],
+            model.reflex[window] / values["G"] / (lags[1] - lags[0]),
+        )
     return curves
 
 
@@ -106,17 +136,25 @@ def _phase(response: np.ndarray) -> np.ndarray:
     return np.degrees(np.unwrap(np.angle(response)))
 
 
-def residual_figure(tests: Mapping[str, ResidualTest], *, styles: Styles | None = None) -> DataFigure:
+def residual_figure(
+    tests: Mapping[str, ResidualTest], *, styles: Styles | None = None
+) -> DataFigure:
     """Residuals of several methods: spectra, and correlation with the signal that must not explain them."""
     styles = styles or method_styles({label: label for label in tests})
     panels = {
         "density": Panel("residual torque [(N·m)²/Hz]", xlabel=FREQUENCY, log="xy"),
-        "correlation": Panel("whitened correlation [1]", xlabel="time by which the residual is behind [s]"),
+        "correlation": Panel(
+            "whitened correlation [1]", xlabel="time by which the residual is behind [s]"
+        ),
     }
     parts = []
     for label, test in tests.items():
         for panel, x in (("density", test.frequency), ("correlation", test.lags)):
-            parts.append(pd.DataFrame({"panel": panel, "series": label, "x": x, "value": getattr(test, panel)}))
+            parts.append(
+                pd.DataFrame(
+                    {"panel": panel, "series": label, "x": x, "value": getattr(test, panel)}
+                )
+            )
     figure, axes = draw_panels(pd.concat(parts), panels, styles, columns=2, height=55.0)
     limit = next(iter(tests.values())).limit
     for level in (-limit, limit):
@@ -124,7 +162,9 @@ def residual_figure(tests: Mapping[str, ResidualTest], *, styles: Styles | None 
     return finish(figure)
 
 
-def recordings_figure(table: pd.DataFrame, names: Sequence[str], *, styles: Styles | None = None) -> DataFigure:
+def recordings_figure(
+    table: pd.DataFrame, names: Sequence[str], *, styles: Styles | None = None
+) -> DataFigure:
     """Parameters of all recordings with their 95 % intervals: a panel for each, a row for a recording.
 
     A ring marks estimates with a warning. They may be anywhere: the axes are those of the others, and arrow heads
@@ -134,14 +174,20 @@ def recordings_figure(table: pd.DataFrame, names: Sequence[str], *, styles: Styl
     trusted = table["trusted"].eq(True)
     parts, panels = [], {}
     for name in names:
-        ends = {end: table.get(f"{name}_{end}", pd.Series(np.nan, table.index)) for end in ("low", "high")}
-        part = pd.DataFrame({"panel": name, "row": rows, "series": table["label"], "value": table[name], **ends})
+        ends = {
+            end: table.get(f"{name}_{end}", pd.Series(np.nan, table.index))
+            for end in ("low", "high")
+        }
+        part = pd.DataFrame(
+            {"panel": name, "row": rows, "series": table["label"], "value": table[name], **ends}
+        )
         parts.append(part.assign(fault=~trusted & table[name].notna()))
         shown = part.loc[trusted if trusted.any() else ~trusted, ["value", "low", "high"]]
         low, high = shown.min(axis=None), shown.max(axis=None)
         margin = MARGIN * (high - low) or MARGIN * abs(high) or 1.0
         panels[name] = Panel(
-            QUANTITIES[name].label, limits=(low - margin, high + margin) if np.isfinite(high) else None
+            QUANTITIES[name].label,
+            limits=(low - margin, high + margin) if np.isfinite(high) else None,
         )
     return estimates_figure(pd.concat(parts, ignore_index=True), panels, styles=styles)
 

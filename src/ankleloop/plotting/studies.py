@@ -8,8 +8,23 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from ankleloop.plotting.panels import COLUMNS, Panel, Styles, draw_panels, estimates_figure, finish, note_lowest
-from ankleloop.plotting.style import ONE_COLUMN, REFERENCE_LINE, TRUE, TWO_COLUMNS, DataFigure, MethodStyle
+from ankleloop.plotting.panels import (
+    COLUMNS,
+    Panel,
+    Styles,
+    draw_panels,
+    estimates_figure,
+    finish,
+    note_lowest,
+)
+from ankleloop.plotting.style import (
+    ONE_COLUMN,
+    REFERENCE_LINE,
+    TRUE,
+    TWO_COLUMNS,
+    DataFigure,
+    MethodStyle,
+)
 from ankleloop.signals.vaf import confidence_margin
 
 RATIO, LIMITS = "rms error over the bound [1]", (0.7, 50.0)  # and its axis
@@ -35,7 +50,10 @@ def curves_figure(
     if above is not None:
         upper = {}
         for name, panel in panels.items():
-            label, limits = panel.label.replace(" [", f" above {above:g} ["), (above, (panel.limits or (0.0, 100.0))[1])
+            label, limits = (
+                panel.label.replace(" [", f" above {above:g} ["),
+                (above, (panel.limits or (0.0, 100.0))[1]),
+            )
             upper[f"upper {name}"] = replace(panel, label=label, limits=limits)
         panels = {**upper, **panels}
         table = pd.concat([table.assign(panel="upper " + table["panel"]), table], ignore_index=True)
@@ -57,7 +75,11 @@ def _summarise(trials: pd.DataFrame) -> pd.DataFrame:
     means = by["value"].agg(["mean", "std", "count"]).set_axis(["value", "sd", "trials"], axis=1)
     margin = confidence_margin(means["sd"], means["trials"])  # none of a single trial
     means = means.assign(low=means["value"] - margin, high=means["value"] + margin)
-    means = means.assign(marked=by["marked"].any(), failed=by["failed"].all()).drop(columns="sd").reset_index()
+    means = (
+        means.assign(marked=by["marked"].any(), failed=by["failed"].all())
+        .drop(columns="sd")
+        .reset_index()
+    )
     return means.sort_values(["series", "x"], key=lambda column: column.replace(order))
 
 
@@ -80,29 +102,49 @@ def traces_figure(
     parts = []
     panels: dict[str, Panel] = {}
     for name, (label, truth) in truths.items():
-        settled = np.concatenate([[truth], *(trace[name][trace["time"] >= settling] for trace in traces.values())])
+        settled = np.concatenate(
+            [[truth], *(trace[name][trace["time"] >= settling] for trace in traces.values())]
+        )
         low, high = float(settled.min()), float(settled.max())
         limits = low - 0.2 * (high - low), high + 0.2 * (high - low)
         for condition, trace in traces.items():
             title = "" if panels and name != next(iter(truths)) else condition.replace(", ", ",\n")
             panels[f"{name} {condition}"] = Panel(label, title, truth, limits, "time [s]")
             columns = {"condition": condition, "x": trace["time"], "value": trace[name]}
-            parts.append(pd.DataFrame({"panel": f"{name} {condition}", "series": "estimate", **columns}))
+            parts.append(
+                pd.DataFrame({"panel": f"{name} {condition}", "series": "estimate", **columns})
+            )
     styles = {"estimate": replace(style, more={"lw": 0.9})}
-    return finish(draw_panels(pd.concat(parts), panels, styles, columns=len(traces), height=34.0, sharex=True)[0])
+    return finish(
+        draw_panels(
+            pd.concat(parts), panels, styles, columns=len(traces), height=34.0, sharex=True
+        )[0]
+    )
 
 
 def order_figure(
-    singular_values: Mapping[str, Sequence[np.ndarray]], *, order: float, styles: Styles, largest: int = 10
+    singular_values: Mapping[str, Sequence[np.ndarray]],
+    *,
+    order: float,
+    styles: Styles,
+    largest: int = 10,
 ) -> DataFigure:
     """Singular values that show the order, of every trial and method."""
     panels, parts, looks = {}, [], {}
     for label, trials in singular_values.items():
-        panels[label] = Panel("singular value over the first [1]", label, xlabel="number [1]", log="y")
+        panels[label] = Panel(
+            "singular value over the first [1]", label, xlabel="number [1]", log="y"
+        )
         for trial, values in enumerate(trials):
-            looks[f"{label} {trial}"] = replace(styles[label], more={"ms": 2.2, "mew": 0.5, "lw": 0.5, "alpha": 0.6})
+            looks[f"{label} {trial}"] = replace(
+                styles[label], more={"ms": 2.2, "mew": 0.5, "lw": 0.5, "alpha": 0.6}
+            )
             relative = np.asarray(values)[:largest] / values[0]
-            columns = {"series": f"_{label} {trial}", "x": np.arange(1, relative.size + 1), "value": relative}
+            columns = {
+                "series": f"_{label} {trial}",
+                "x": np.arange(1, relative.size + 1),
+                "value": relative,
+            }
             parts.append(pd.DataFrame({"panel": label, **columns}))
     figure, axes = draw_panels(pd.concat(parts), panels, looks, columns=len(panels), height=52.0)
     for axis in axes:

@@ -47,7 +47,10 @@ STYLE: Any = {
     "pdf.fonttype": 42,
 }
 # Metadata that would differ between two runs are left out.
-METADATA: dict[str, Any] = {".png": {"Software": None}, ".pdf": {"CreationDate": None, "Producer": None}}
+METADATA: dict[str, Any] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None},
+}
 
 Dashes = tuple[float, ...]
 
@@ -127,7 +130,9 @@ def method_styles(algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
         change, filled, dashes = VARIANTS[used[method] % len(VARIANTS)]
         used[method] += 1
         base = METHOD_STYLES.get(method, SPARE)
-        styles[key] = replace(base, colour=_lighten(base.colour, change), filled=filled, dashes=dashes)
+        styles[key] = replace(
+            base, colour=_lighten(base.colour, change), filled=filled, dashes=dashes
+        )
     return styles
 
 
@@ -143,12 +148,16 @@ def ordinal_styles(names: Iterable[str]) -> dict[str, MethodStyle]:
     names = list(names)
     pitch = (len(ORDINAL_COLOURS) - 1) / (len(names) - 1) if len(names) > 3 else 2
     return {
-        name: MethodStyle(ORDINAL_COLOURS[round(number * pitch)], ORDINAL_MARKERS[number % len(ORDINAL_MARKERS)])
+        name: MethodStyle(
+            ORDINAL_COLOURS[round(number * pitch)], ORDINAL_MARKERS[number % len(ORDINAL_MARKERS)]
+        )
         for number, name in enumerate(names)
     }
 
 
-def label_styles(labels: Mapping[str, str], algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
+def label_styles(
+    labels: Mapping[str, str], algorithms: Mapping[str, str]
+) -> dict[str, MethodStyle]:
     """Styles of the methods of a study by their labels."""
     return method_styles({label: algorithms.get(name, name) for name, label in labels.items()})
 

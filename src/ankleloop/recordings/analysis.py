@@ -117,13 +117,23 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, A
     for number, (label, specification) in enumerate(methods.items(), start=1):
         log.info("method %d of %d: %s", number, len(methods), label)
         method = specification["method"]
-        row = {"verdict": check.verdict, "loop": check.loop, "label": label, "method": method, "valid": True}
+        row = {
+            "verdict": check.verdict,
+            "loop": check.loop,
+            "label": label,
+            "method": method,
+            "valid": True,
+        }
         rows.append(row)
         try:
             estimates, unseen, scores = _fit(trials, check, specification)
             test = _test_residual(trials, estimates, check.instrumental)
             assumptions = _list_assumptions(trials, specification, estimates[0])
-            row |= scores | _describe_estimate(check, trials[0], estimates[0], test) | {"assumptions": assumptions}
+            row |= (
+                scores
+                | _describe_estimate(check, trials[0], estimates[0], test)
+                | {"assumptions": assumptions}
+            )
             analysis.records[label], analysis.residuals[label] = estimates, test
             if unseen:
                 analysis.unseen[label] = unseen
@@ -142,7 +152,12 @@ def describe_failure(error: Exception) -> str:
 
 def refused_analysis(check: Check) -> Analysis:
     """Analysis of a recording that its check refuses."""
-    row = {"verdict": "refused", "reasons": " ".join(check.reasons), "valid": False, "trusted": False}
+    row = {
+        "verdict": "refused",
+        "reasons": " ".join(check.reasons),
+        "valid": False,
+        "trusted": False,
+    }
     return Analysis(check, {}, {}, pd.DataFrame([row]))
 
 
@@ -151,7 +166,10 @@ def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     used = {"order": [2], "block_rows": [15]}
     for specification in methods.values():
         for name, values in used.items():
-            values += [specification["options"].get(name) or 0, *(specification["select"] or {}).get(name, ())]
+            values += [
+                specification["options"].get(name) or 0,
+                *(specification["select"] or {}).get(name, ()),
+            ]
     return {name: max(values) for name, values in used.items()}
 
 
@@ -159,31 +177,50 @@ def _fit(
     trials: list[PreparedTrial], check: Check, specification: Mapping[str, Any]
 ) -> tuple[list[Estimate], list[xr.Dataset], dict[str, Any]]:
     """Estimates of the whole, torques of one half that the fit to the other predicts, and the scores of both."""
-    method, options, select = specification["method"], specification["options"], specification["select"] or None
-    if reason := reason_against(method, options, check.loop, check.reference, check.path_bias, merged=len(trials) > 1):
+    method, options, select = (
+        specification["method"],
+        specification["options"],
+        specification["select"] or None,
+    )
+    if reason := reason_against(
+        method, options, check.loop, check.reference, check.path_bias, merged=len(trials) > 1
+    ):
         raise DataError(reason)
     first, second = _split_halves(trials)
     scores: dict[str, Any] = {"vaf_unseen": np.nan, "selected": ""}
     unseen = []
     chosen: dict[str, Any] = {}
     try:
-        half = _identify(first, method, select=select, criterion=specification["criterion"], **options)[0]
+        half = _identify(
+            first, method, select=select, criterion=specification["criterion"], **options
+        )[0]
         chosen = half.diagnostics["selection"]["chosen"] if select else {}
         scores["selected"] = ", ".join(f"{name} {value}" for name, value in chosen.items())
         scores["unseen_warnings"] = " ".join(half.fit_warnings)
         if half.trajectories is not None and "time" in half.trajectories.sizes:
-            raise DataError("the parameters are functions of time, and were fitted before the times of the other half.")
+            raise DataError(
+                "the parameters are functions of time, and were fitted before the times of the other half."
+            )
         # Cycles of the other half begin at onsets of the whole recording.
-        predictions = [half.predict(part, cycle_onsets=options.get("cycle_onsets")) for part in second]
+        predictions = [
+            half.predict(part, cycle_onsets=options.get("cycle_onsets")) for part in second
+        ]
         scores |= _score(second, predictions, {"net": "vaf_unseen"})
         torques = (prediction.torque for prediction in predictions)
-        unseen = [torque.sel(time=slice(torque["time"][0] + TRIM, torque["time"][-1] - TRIM)) for torque in torques]
+        unseen = [
+            torque.sel(time=slice(torque["time"][0] + TRIM, torque["time"][-1] - TRIM))
+            for torque in torques
+        ]
     except DataError as error:
         if select and not chosen:  # without a choice there are no options to fit the whole with
             raise
         scores["unseen_warnings"] = f"there is none: {error}"
     whole = _identify(trials, method, **options, **chosen)
-    return whole, unseen, scores | _score(trials, whole, {torque: f"vaf_{torque}" for torque in TORQUES})
+    return (
+        whole,
+        unseen,
+        scores | _score(trials, whole, {torque: f"vaf_{torque}" for torque in TORQUES}),
+    )
 
 
 def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], list[PreparedTrial]]:
@@ -193,43 +230,64 @@ def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], lis
         return trials[:middle], trials[middle:]
     start, end = trials[0].time[[0, -1]]
     middle = 0.5 * (start + end)
-    first, second = segment(trials[0].trial, start, middle), segment(trials[0].trial, middle, end + 1.0)
+    first, second = (
+        segment(trials[0].trial, start, middle),
+        segment(trials[0].trial, middle, end + 1.0),
+    )
     return [prepare(first)], [prepare(second)]
 
 
 def _identify(trials: list[PreparedTrial], method: str, **options: Any) -> list[Estimate]:
     """One estimate for each trial; several trials are merged."""
-    return identify(trials, method, **options) if len(trials) > 1 else [identify(trials[0], method, **options)]
+    return (
+        identify(trials, method, **options)
+        if len(trials) > 1
+        else [identify(trials[0], method, **options)]
+    )
 
 
-def _score(trials: list[PreparedTrial], estimates: list[Estimate], columns: Mapping[str, str]) -> dict[str, float]:
+def _score(
+    trials: list[PreparedTrial], estimates: list[Estimate], columns: Mapping[str, str]
+) -> dict[str, float]:
     """VAFs against the measured torque: means over merged trials, or the VAF of a single trial with its interval."""
     pairs = zip(trials, estimates, strict=True)
-    tables = [evaluate(*pair, against="measured", intervals=True).set_index("torque") for pair in pairs]
+    tables = [
+        evaluate(*pair, against="measured", intervals=True).set_index("torque") for pair in pairs
+    ]
     scores = {}
     for torque, column in columns.items():
         scores[column] = float(np.mean([table.loc[torque, "vaf"] for table in tables]))
         if len(tables) == 1:
-            scores |= {f"{column}_{end}": float(tables[0].loc[torque, end]) for end in ("low", "high")}
+            scores |= {
+                f"{column}_{end}": float(tables[0].loc[torque, end]) for end in ("low", "high")
+            }
     return scores
 
 
-def _test_residual(trials: list[PreparedTrial], estimates: list[Estimate], instrumental: bool) -> ResidualTest:
+def _test_residual(
+    trials: list[PreparedTrial], estimates: list[Estimate], instrumental: bool
+) -> ResidualTest:
     """Test the residual of the longest trial.
 
     It is tested against the position, or unless the loop is open against what the reference explains of it.
     """
-    trial, estimate = max(zip(trials, estimates, strict=True), key=lambda pair: pair[0].samples["time"].size)
+    trial, estimate = max(
+        zip(trials, estimates, strict=True), key=lambda pair: pair[0].samples["time"].size
+    )
     torque, time, delay = estimate.torque, estimate.torque["time"].values, estimate.reflex["delay"]
     residual, rate = (torque[MEASURED] - torque["net"]).values, torque.attrs["identification_rate"]
     if not instrumental:
         return residual_test(residual, trial.channel_at("position", time, rate), rate)
-    regressors = trial.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference="reference")
+    regressors = trial.regressors(
+        delay=delay, basis="rectifier", identification_rate=rate, reference="reference"
+    )
     rows, common = match_times(regressors.time, time)
     return residual_test(residual[common], trial.predict_inputs(regressors)[rows, 0], rate)
 
 
-def _describe_estimate(check: Check, trial: PreparedTrial, estimate: Estimate, test: ResidualTest) -> dict[str, Any]:
+def _describe_estimate(
+    check: Check, trial: PreparedTrial, estimate: Estimate, test: ResidualTest
+) -> dict[str, Any]:
     """Columns of the table about the estimate of the first trial."""
     warnings, diagnostics = estimate.fit_warnings, estimate.diagnostics
     # Where there is a warning, the covariance belongs to a solution that was not reached, or to another model.
@@ -238,7 +296,10 @@ def _describe_estimate(check: Check, trial: PreparedTrial, estimate: Estimate, t
     validity, about_data = VALIDITY[estimate.method], diagnostics.get("data_warnings", ())
     cautions = validity.closed_caution if check.instrumental else validity.open_caution, *about_data
     return {
-        **{f"residual_{name}": getattr(test, name) for name in ("white", "white_p", "related", "related_p")},
+        **{
+            f"residual_{name}": getattr(test, name)
+            for name in ("white", "white_p", "related", "related_p")
+        },
         **parameter_row(trial, shown),
         "warnings": " ".join(warnings),
         "trusted": not warnings,
@@ -248,7 +309,9 @@ def _describe_estimate(check: Check, trial: PreparedTrial, estimate: Estimate, t
     }
 
 
-def _list_assumptions(trials: list[PreparedTrial], specification: Mapping[str, Any], estimate: Estimate) -> str:
+def _list_assumptions(
+    trials: list[PreparedTrial], specification: Mapping[str, Any], estimate: Estimate
+) -> str:
     """What the estimate of the first trial takes for granted, and what another delay or effect would do."""
     diagnostics = estimate.diagnostics
     texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
@@ -256,16 +319,26 @@ def _list_assumptions(trials: list[PreparedTrial], specification: Mapping[str, A
         options = specification["options"] | {"delay": estimate.reflex["delay"] + OTHER_DELAY}
         try:
             other = _identify(trials, specification["method"], **options)[0]
-            shifts = compute_shifts(*({**part.stiffness, **part.reflex} for part in (estimate, other)))
-            texts.append(f"A delay of {1000 * OTHER_DELAY:g} ms more would move {format_shifts(shifts)}.")
+            shifts = compute_shifts(
+                *({**part.stiffness, **part.reflex} for part in (estimate, other))
+            )
+            texts.append(
+                f"A delay of {1000 * OTHER_DELAY:g} ms more would move {format_shifts(shifts)}."
+            )
         except DataError as error:
-            texts.append(f"What a delay of {1000 * OTHER_DELAY:g} ms more would do cannot be told: {error}")
+            texts.append(
+                f"What a delay of {1000 * OTHER_DELAY:g} ms more would do cannot be told: {error}"
+            )
     for alternative in diagnostics.get("alternatives", ()):
-        texts.append(f"With {alternative['effect']} in the model it would move {format_shifts(alternative['shifts'])}.")
+        texts.append(
+            f"With {alternative['effect']} in the model it would move {format_shifts(alternative['shifts'])}."
+        )
     return " ".join(text[0].upper() + text[1:] for text in texts)
 
 
-def compare_unseen(first: Sequence[xr.Dataset], second: Sequence[xr.Dataset]) -> VafDifference | None:
+def compare_unseen(
+    first: Sequence[xr.Dataset], second: Sequence[xr.Dataset]
+) -> VafDifference | None:
     r"""Difference of the VAFs of two methods, with an interval that knows that both predict the same torque.
 
     With residuals e₁ and e₂ of the torque y, each less its mean, the difference is
@@ -283,7 +356,9 @@ def compare_unseen(first: Sequence[xr.Dataset], second: Sequence[xr.Dataset]) ->
         rate, other_rate = (part.attrs["identification_rate"] for part in parts)
         count = round(a.sizes["time"] / (BLOCK * rate))
         if count and rate == other_rate:
-            signals = (x.values for x in (a[MEASURED], a[MEASURED] - a["net"], b[MEASURED] - b["net"]))
+            signals = (
+                x.values for x in (a[MEASURED], a[MEASURED] - a["net"], b[MEASURED] - b["net"])
+            )
             y, e_a, e_b = ((x - x.mean()) ** 2 for x in signals)
             difference = 100.0 * float(np.sum(e_b - e_a) / np.sum(y))
             influence = (100.0 * (e_b - e_a) - difference * y) / y.mean()
@@ -295,5 +370,7 @@ def compare_unseen(first: Sequence[xr.Dataset], second: Sequence[xr.Dataset]) ->
     mean = float(np.average(differences, weights=weights))
     # Differences of several trials scatter as well.
     scatter = np.repeat(np.array(differences) - mean, weights) + np.array(blocks)
-    margin = special.stdtrit(len(blocks) - 1, 0.975) * np.sqrt(np.mean(scatter**2) / (len(blocks) - 1))
+    margin = special.stdtrit(len(blocks) - 1, 0.975) * np.sqrt(
+        np.mean(scatter**2) / (len(blocks) - 1)
+    )
     return VafDifference(mean, mean - float(margin), mean + float(margin))

@@ -11,7 +11,12 @@ import numpy as np
 from ankleloop.checks.channels import VERDICTS, Finding, merge_findings
 from ankleloop.checks.data import check_signals, refuse_repeated_trials
 from ankleloop.checks.loop import check_loop, path_bias
-from ankleloop.checks.movement import check_excitation, check_sign, check_signs_by_reference, motion_products
+from ankleloop.checks.movement import (
+    check_excitation,
+    check_sign,
+    check_signs_by_reference,
+    motion_products,
+)
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
 from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
@@ -122,18 +127,31 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     length = check_length([part.trial for part in prepared], rate)
     if length.verdict == "refused":
         return Check([length], "undecided", {})
-    name = reference if reference != "position" and all(reference in part.trial for part in prepared) else None
+    name = (
+        reference
+        if reference != "position" and all(reference in part.trial for part in prepared)
+        else None
+    )
     records = []
     try:
         for part in prepared:
-            records.append(part.regressors(delay=delay, basis="rectifier", identification_rate=rate, reference=name))
+            records.append(
+                part.regressors(
+                    delay=delay, basis="rectifier", identification_rate=rate, reference=name
+                )
+            )
     except DataError as error:
         place = f"trial {len(records) + 1} of {len(prepared)}: " if len(prepared) > 1 else ""
         return Check([length, Finding("signals", "refused", f"{place}{error}")], "undecided", {})
-    signals = [check_signals(part, record.grid, delay) for part, record in zip(prepared, records, strict=True)]
+    signals = [
+        check_signals(part, record.grid, delay)
+        for part, record in zip(prepared, records, strict=True)
+    ]
     usable, strength = check_instrument(prepared, records, delay)
     loop, feedback = check_loop(records, usable)
-    motions = (motion_products(part, record.grid) for part, record in zip(prepared, records, strict=True))
+    motions = (
+        motion_products(part, record.grid) for part, record in zip(prepared, records, strict=True)
+    )
     signs = [check_sign(motion.stiffness, motion.explained) for motion in motions]
     if usable and loop != "open":  # least squares may be off by torque that is fed back
         signs = check_signs_by_reference(records)
@@ -143,7 +161,9 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         *map(merge_findings, zip(*signals, strict=True)),
         sign,
         merge_findings([check_coherence(record) for record in records]),
-        check_excitation([record.inputs[:, 1] for record in records], values.order, values.block_rows),
+        check_excitation(
+            [record.inputs[:, 1] for record in records], values.order, values.block_rows
+        ),
         merge_findings([check_drift(record) for record in records]),
         strength,
     ]
@@ -153,4 +173,6 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     bias, merged = path_bias(records), len(records) > 1
     validity = describe_validity(loop, usable, bias, merged=merged)
     findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
-    return Check(findings, loop, valid_methods(loop, usable, bias, merged=merged), spectra, usable, bias)
+    return Check(
+        findings, loop, valid_methods(loop, usable, bias, merged=merged), spectra, usable, bias
+    )

@@ -34,14 +34,20 @@ COURSE = ("cycle_onsets", "schedule")
 
 def load_recording(path: PathLike, mapping: Mapping[str, Any]) -> xr.Dataset:
     """Read a recording, take the part of it that is to be analysed, and remove the drift."""
-    trial = read_trial(path, **{name: mapping[name] for name in ReadingOptions.model_fields if name in mapping})
+    trial = read_trial(
+        path, **{name: mapping[name] for name in ReadingOptions.model_fields if name in mapping}
+    )
     start, stop = mapping.get("start"), mapping.get("stop")
     if start is not None or stop is not None:
-        trial = segment(trial, start or 0.0, float(trial["time"][-1]) + 1.0 if stop is None else stop)
+        trial = segment(
+            trial, start or 0.0, float(trial["time"][-1]) + 1.0 if stop is None else stop
+        )
     return remove_drift(trial, mapping["drift"]) if mapping.get("drift") else trial
 
 
-def add_course(methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+def add_course(
+    methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, Any]
+) -> dict[str, Mapping[str, Any]]:
     """Give methods what the parameters of a recording are functions of."""
     course = {name: mapping[name] for name in COURSE if mapping.get(name) is not None}
     result: dict[str, Mapping[str, Any]] = {}
@@ -49,7 +55,9 @@ def add_course(methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, A
         options = method.get("options", {})
         takes = course.keys() <= find_method(method["method"]).options.model_fields.keys()
         free = all(options.get(name) is None for name in COURSE)
-        result[label] = {**method, "options": {**options, **course}} if course and takes and free else method
+        result[label] = (
+            {**method, "options": {**options, **course}} if course and takes and free else method
+        )
     return result
 
 
@@ -58,18 +66,26 @@ def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]
     onsets, schedule = (mapping.get(name) for name in COURSE)
     if onsets is None and schedule is None:
         return []
-    name, options, prepared = "cycles" if schedule is None else "schedule", CheckOptions(), prepare(trial)
+    name, options, prepared = (
+        "cycles" if schedule is None else "schedule",
+        CheckOptions(),
+        prepare(trial),
+    )
     try:
         grid = prepared.grid(options.identification_rate, options.delay)
         course = make_course(prepared, grid, onsets, schedule)
     except DataError as error:
         return [Finding(name, "warning", str(error))]
-    return check_slow_movement(prepared.motion(grid)[0], course, options.identification_rate, schedule)
+    return check_slow_movement(
+        prepared.motion(grid)[0], course, options.identification_rate, schedule
+    )
 
 
 def refuse_recording(error: Exception) -> Analysis:
     """Analysis of a recording that cannot be used."""
-    return refused_analysis(Check([Finding("file", "refused", describe_failure(error))], "undecided", {}))
+    return refused_analysis(
+        Check([Finding("file", "refused", describe_failure(error))], "undecided", {})
+    )
 
 
 def tabulate_analysis(
@@ -78,8 +94,12 @@ def tabulate_analysis(
     """Rows of an analysis for a table of many recordings."""
     label, text = recommend(analysis)
     labels = analysis.table.reindex(columns=["label"])["label"].astype(object)
-    table = analysis.table.assign(key=labels.map(keys), recommended=labels.eq(label), recommendation=text)
-    groups = pd.DataFrame({"recording": name, **{group: mapping[group] for group in GROUPS}}, index=table.index)
+    table = analysis.table.assign(
+        key=labels.map(keys), recommended=labels.eq(label), recommendation=text
+    )
+    groups = pd.DataFrame(
+        {"recording": name, **{group: mapping[group] for group in GROUPS}}, index=table.index
+    )
     return pd.concat([groups, table], axis=1)
 
 
@@ -130,4 +150,8 @@ def export_estimate(estimate: Estimate, path: PathLike, *, overwrite: bool = Fal
         save_estimate(estimate, path, overwrite=overwrite)
         return
     torques = {f"torque_{name}_nm": estimate.torque[name].values for name in TORQUES}
-    write_csv(pd.DataFrame({"time_s": estimate.torque["time"].values, **torques}), path, overwrite=overwrite)
+    write_csv(
+        pd.DataFrame({"time_s": estimate.torque["time"].values, **torques}),
+        path,
+        overwrite=overwrite,
+    )

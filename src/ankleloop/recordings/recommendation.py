@@ -11,10 +11,22 @@ from ankleloop.recordings.analysis import Analysis, compare_unseen
 from ankleloop.recordings.validity import VALIDITY
 
 # Of `Analysis.table`; those that no method of a recording has are missing there.
-COLUMNS = ("label", "method", "vaf_unseen", "unseen_warnings", "caution", "variation_p", "incomplete")
+COLUMNS = (
+    "label",
+    "method",
+    "vaf_unseen",
+    "unseen_warnings",
+    "caution",
+    "variation_p",
+    "incomplete",
+)
 NOTHING = ("", float("nan"))  # cells without a text
 LEVEL = 0.05  # of the test whether anything varies
-CHANGES = {"phase": "with the phase of the cycle", "time": "with time", "schedule": "with the scheduling variable"}
+CHANGES = {
+    "phase": "with the phase of the cycle",
+    "time": "with time",
+    "schedule": "with the scheduling variable",
+}
 
 
 class Recommendation(NamedTuple):
@@ -50,7 +62,10 @@ def recommend(analysis: Analysis) -> Recommendation:
     >>> print(recommendation.text.split(".")[0])
     take RIV: the loop is closed, and torque that is fed back does not bias it
     """
-    check, table = analysis.check, analysis.table.reindex(columns=analysis.table.columns.union(COLUMNS, sort=False))
+    check, table = (
+        analysis.check,
+        analysis.table.reindex(columns=analysis.table.columns.union(COLUMNS, sort=False)),
+    )
     valid, trusted = table[table["valid"]], table[table["trusted"]]
     # The fit to the first half has no warning either, and a score of the second.
     scored = trusted["vaf_unseen"].notna() & trusted["unseen_warnings"].isin(NOTHING)
@@ -66,16 +81,24 @@ def recommend(analysis: Analysis) -> Recommendation:
         row, reason = _choose_by_reference(check.loop, trusted, valid)
     else:
         row, reason = _choose_by_vaf(analysis, comparable)
-    condition = "If the loop was open: " if check.loop == "undecided" and not check.reference else ""
-    kind = "without an interval" if pd.isna(row.get("K_low")) else f"{row['intervals']} 95 % interval"
+    condition = (
+        "If the loop was open: " if check.loop == "undecided" and not check.reference else ""
+    )
+    kind = (
+        "without an interval" if pd.isna(row.get("K_low")) else f"{row['intervals']} 95 % interval"
+    )
     stiffness = f"K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}, {kind}"
     texts = [f"{condition}take {row['label']}: {reason}", stiffness, *_reservations(row, valid)]
     if left_out := ", ".join(valid["label"].drop(comparable.index)):
-        texts.append(f"Left out because of a warning, or without a score of the unseen half: {left_out}")
+        texts.append(
+            f"Left out because of a warning, or without a score of the unseen half: {left_out}"
+        )
     return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
 
 
-def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) -> tuple[pd.Series, str]:
+def _choose_by_reference(
+    loop: str, trusted: pd.DataFrame, valid: pd.DataFrame
+) -> tuple[pd.Series, str]:
     """The preferred method among those that rest on the reference, and the reason."""
     changing = _select_changing(trusted)
     row = changing.iloc[0] if len(changing) else _prefer(trusted)
@@ -86,7 +109,10 @@ def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) 
     else:
         riv = "riv has a warning" if valid["method"].eq("riv").any() else "there is no valid riv"
         reason = f"{riv}, and of the others this is the first in the order of preference"
-    return row, f"{'the loop is closed' if loop == 'closed' else 'feedback is not excluded'}, {reason}"
+    return (
+        row,
+        f"{'the loop is closed' if loop == 'closed' else 'feedback is not excluded'}, {reason}",
+    )
 
 
 def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Series, str]:
@@ -103,17 +129,25 @@ def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Ser
     if not unclear:
         margin = min(-gain.high for gain in others.values() if gain)
         return row, f"it explains most ({score}), by {margin:.2g} points or more (95 % confidence)"
-    ends = [f"{gain.low:+.2g} … {gain.high:+.2g} points" if gain else "it is too short" for gain in unclear.values()]
+    ends = [
+        f"{gain.low:+.2g} … {gain.high:+.2g} points" if gain else "it is too short"
+        for gain in unclear.values()
+    ]
     shown = ", ".join(f"{label} ({text})" for label, text in zip(unclear, ends, strict=True))
     order = "the order of preference (riv, the MOESP family, the parallel cascade)"
     reason = f"of the methods that the data do not tell apart it comes first in {order}. It explains {score}"
-    return row, f"{reason}; the others there, with the 95 % interval of their difference from it: {shown}"
+    return (
+        row,
+        f"{reason}; the others there, with the 95 % interval of their difference from it: {shown}",
+    )
 
 
 def _prefer(rows: pd.DataFrame) -> pd.Series:
     """The method with the fewest parameters, without a caution if there is one; of equal ones the first."""
     cautious, order = ~rows["caution"].isin(NOTHING), list(VALIDITY)
-    return rows.loc[min(rows.index, key=lambda k: (cautious[k], order.index(rows.loc[k, "method"])))]
+    return rows.loc[
+        min(rows.index, key=lambda k: (cautious[k], order.index(rows.loc[k, "method"])))
+    ]
 
 
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
@@ -122,7 +156,9 @@ def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
     if row["label"] in changing:
         texts.append("This is the mean over the recording; the trajectories show the change")
     elif changing:
-        texts.append(f"Its parameters are constant, and the test of {changing[0]} says that they change")
+        texts.append(
+            f"Its parameters are constant, and the test of {changing[0]} says that they change"
+        )
     if row["caution"] and pd.notna(row["caution"]):
         texts.append(f"Caution: {row['caution'].rstrip('.')}")
     if row.get("residual_related") in (True, 1):
@@ -151,14 +187,24 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
         if estimate.trajectories is None:
             continue
         dimension = str(next(iter(estimate.trajectories.sizes)))
-        words, data = CHANGES[dimension], "unseen cycles" if dimension == "phase" else "the unseen half"
+        words, data = (
+            CHANGES[dimension],
+            "unseen cycles" if dimension == "phase" else "the unseen half",
+        )
         probabilities = estimate.diagnostics["variation_p"]
-        p = {name: "less than 0.001" if p < 0.001 else f"{p:.2g}" for name, p in probabilities.items()}
+        p = {
+            name: "less than 0.001" if p < 0.001 else f"{p:.2g}"
+            for name, p in probabilities.items()
+        }
         each = ", ".join(f"{name} {p[name]}" for name in "KBG")
         changes = probabilities["all"] < LEVEL
-        text = f"K, B or G change {words}" if changes else f"No change of K, B or G {words} is shown"
+        text = (
+            f"K, B or G change {words}" if changes else f"No change of K, B or G {words} is shown"
+        )
         text += f": a constant joint gives as large a variation with a probability of {p['all']} "
-        text += f"(level {100 * LEVEL:g} %). Each of them alone, while the others may change: {each}. "
+        text += (
+            f"(level {100 * LEVEL:g} %). Each of them alone, while the others may change: {each}. "
+        )
         if not changes:
             text += "A change that is smaller than the bands may be there. "
         elif rows[label]["incomplete"]:
@@ -172,7 +218,9 @@ def _compare_with_constant(analysis: Analysis, rows: dict[str, Any], label: str,
     """VAF of unseen data beside that of a time-invariant fit."""
     row, score = rows[label], rows[label]["vaf_unseen"]
     if pd.isna(score):
-        return f"There is no VAF of {data}: {row['unseen_warnings'].removeprefix('there is none: ')}"
+        return (
+            f"There is no VAF of {data}: {row['unseen_warnings'].removeprefix('there is none: ')}"
+        )
     text = f"Of the torque of {data} the trajectories explain {score:.1f} %"
     for constant in (name for name in analysis.unseen if rows[name]["method"] == "riv"):
         text += f", the time-invariant fit ({constant}) {rows[constant]['vaf_unseen']:.1f} %"

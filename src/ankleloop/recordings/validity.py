@@ -7,21 +7,29 @@ from typing import Any, NamedTuple
 
 from ankleloop.methods.registry import METHODS
 
-LARGEST_PATH_BIAS = 10.0  # % of K; the scatter of this measure in a record of a minute is about half of it
+LARGEST_PATH_BIAS = (
+    10.0  # % of K; the scatter of this measure in a record of a minute is about half of it
+)
 
 DEGREE = 8  # of the basis of usual methods
 INSTRUMENTS, POSITION = {"input_matrices": "instruments"}, {"reference": "position"}
 INSTRUMENTS_TEXT = "input_matrices='instruments'"
 SUBSPACE_POLES = "in closed loop its B and D are estimated by instruments, but its poles by a subspace step that is "
-SUBSPACE_POLES += "not consistent there: compare K with that of riv (the study voluntary measures its error)."
+SUBSPACE_POLES += (
+    "not consistent there: compare K with that of riv (the study voluntary measures its error)."
+)
 WHITE_NOISE = "it assumes white noise: voluntary torque biases its poles, and with them K, B and I."
 
 
 class Validity(NamedTuple):
     """Where a method is valid. In open loop with a reference every method is, if its paths need not be uncorrelated."""
 
-    closed: Mapping[str, Any] | None  # options that make it valid in closed loop; None where nothing does
-    without_reference: Mapping[str, Any]  # options that make it valid in open loop if the record has no reference
+    closed: (
+        Mapping[str, Any] | None
+    )  # options that make it valid in closed loop; None where nothing does
+    without_reference: Mapping[
+        str, Any
+    ]  # options that make it valid in open loop if the record has no reference
     closed_caution: str = ""  # what to bear in mind where it is valid in closed loop
     open_caution: str = ""  # what to bear in mind where it is valid in open loop
     # Options with which it estimates the two paths one after the other, once, and is biased where they are correlated.
@@ -42,11 +50,19 @@ VALIDITY: Mapping[str, Validity] = {
 }
 
 
-def valid_methods(loop: str, reference: bool, path_bias: float, *, merged: bool = False) -> dict[str, dict[str, Any]]:
+def valid_methods(
+    loop: str, reference: bool, path_bias: float, *, merged: bool = False
+) -> dict[str, dict[str, Any]]:
     """Methods that are valid for a recording, with the options that make them so."""
     methods: dict[str, dict[str, Any]] = {}
     for name, validity in VALIDITY.items():
-        options = validity.without_reference if not reference else {} if loop == "open" else validity.closed or {}
+        options = (
+            validity.without_reference
+            if not reference
+            else {}
+            if loop == "open"
+            else validity.closed or {}
+        )
         if reason_against(name, options, loop, reference, path_bias, merged=merged) is None:
             methods[name] = dict(options)
     return methods
@@ -55,11 +71,15 @@ def valid_methods(loop: str, reference: bool, path_bias: float, *, merged: bool 
 def describe_validity(loop: str, reference: bool, path_bias: float, *, merged: bool = False) -> str:
     """Which methods are valid for a recording, in sentences."""
     methods = valid_methods(loop, reference, path_bias, merged=merged)
-    invalid = [name for name in VALIDITY if name not in methods and (METHODS[name].merges or not merged)]
+    invalid = [
+        name for name in VALIDITY if name not in methods and (METHODS[name].merges or not merged)
+    ]
     changed = [name for name, options in methods.items() if options]
     parts = [", ".join(name for name in methods if name not in changed)]
     if changed:
-        parts.append(f"with {INSTRUMENTS_TEXT if reference else 'the position as reference'} {', '.join(changed)}")
+        parts.append(
+            f"with {INSTRUMENTS_TEXT if reference else 'the position as reference'} {', '.join(changed)}"
+        )
     parts += [f"not {', '.join(invalid)}"] if invalid else []
     parts += ["none of them if the loop was closed"] if loop != "open" and not reference else []
     text = f"{'of those that merge trials, ' if merged else ''}{'; '.join(filter(None, parts))}."
@@ -70,7 +90,13 @@ def describe_validity(loop: str, reference: bool, path_bias: float, *, merged: b
 
 
 def reason_against(
-    method: str, options: Mapping[str, Any], loop: str, reference: bool, path_bias: float, *, merged: bool = False
+    method: str,
+    options: Mapping[str, Any],
+    loop: str,
+    reference: bool,
+    path_bias: float,
+    *,
+    merged: bool = False,
 ) -> str | None:
     """Why a method with its options is not valid for a recording; None if it is."""
     validity, position = VALIDITY[method], options.get("reference") == "position"
@@ -105,10 +131,24 @@ def usual_methods(*, reference: bool, changing: bool = False) -> dict[str, dict[
         suffix, riv, pr_moesp, pi_moesp = "", {"weighting": "noise"}, INSTRUMENTS, INSTRUMENTS
         spline, degrees, orders = {"basis": "spline", "degree": DEGREE}, {}, {}
     else:
-        suffix, riv, pr_moesp, pi_moesp = ", position as reference", {**POSITION, "weighting": "flat"}, POSITION, {}
-        spline, degrees, orders = {"basis": "spline"}, {"degree": [6, DEGREE, 12]}, {"order": [2, 3]}
+        suffix, riv, pr_moesp, pi_moesp = (
+            ", position as reference",
+            {**POSITION, "weighting": "flat"},
+            POSITION,
+            {},
+        )
+        spline, degrees, orders = (
+            {"basis": "spline"},
+            {"degree": [6, DEGREE, 12]},
+            {"order": [2, 3]},
+        )
     rows: list[tuple[str, str, dict[str, Any], dict[str, Any]]] = [
-        ("riv", f"Refined instrumental variables (spline){suffix}", {**riv, **spline}, {**degrees, **orders}),
+        (
+            "riv",
+            f"Refined instrumental variables (spline){suffix}",
+            {**riv, **spline},
+            {**degrees, **orders},
+        ),
         ("pr-moesp", f"PR-MOESP{suffix}", {**pr_moesp, "degree": DEGREE, "block_rows": 20}, {}),
         ("pi-moesp", "PI-MOESP (spline)", {**pi_moesp, "block_rows": 20, **spline}, degrees),
         ("parallel-cascade", "Parallel cascade, to convergence", {}, {}),

@@ -46,7 +46,15 @@ def design_lowpass(
     Shapes: returns taps (2 half + 1,).
     """
     # Kaiser's formulas (1974), because importing scipy.signal takes longer than most jobs of the workflow.
-    half = int(np.ceil((ATTENUATION_DB - 7.95) / (2.285 * 2 * np.pi * (stopband - passband) / rate) + 1)) // 2 + 1
+    half = (
+        int(
+            np.ceil(
+                (ATTENUATION_DB - 7.95) / (2.285 * 2 * np.pi * (stopband - passband) / rate) + 1
+            )
+        )
+        // 2
+        + 1
+    )
     window = np.kaiser(2 * half + 1, 0.1102 * (ATTENUATION_DB - 8.7))
     taps = window * np.sinc((passband + stopband) / rate * np.arange(-half, half + 1))
     taps /= taps.sum()
@@ -57,7 +65,9 @@ def design_lowpass(
     size = int(2 ** np.ceil(np.log2(8 * half_length)))
     padded = np.pad(taps, (0, size - taps.size))
     omega = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
-    spectrum = np.fft.rfft(np.roll(padded, -half)) * omega**derivative * np.exp(-omega * shift / rate)
+    spectrum = (
+        np.fft.rfft(np.roll(padded, -half)) * omega**derivative * np.exp(-omega * shift / rate)
+    )
     return np.roll(np.fft.irfft(spectrum, size), half_length)[: 2 * half_length + 1], half_length
 
 
@@ -101,13 +111,17 @@ def decimate(
     return convolve_strided(signal, taps, start, factor, count) * (rate / factor) ** derivative
 
 
-def convolve_strided(x: np.ndarray, taps: np.ndarray, start: int, stride: int, count: int) -> np.ndarray:
+def convolve_strided(
+    x: np.ndarray, taps: np.ndarray, start: int, stride: int, count: int
+) -> np.ndarray:
     """Samples of the convolution of one signal or of several: only those that need nothing beyond the ends.
 
     Shapes: x (N,), taps (M,); returns (count,).
     """
     rows = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
-    return _sum_products(rows, np.ascontiguousarray(taps[::-1]), start, stride, count).reshape(*x.shape[:-1], count)
+    return _sum_products(rows, np.ascontiguousarray(taps[::-1]), start, stride, count).reshape(
+        *x.shape[:-1], count
+    )
 
 
 # Sums may be reordered, so that the compiler adds several terms at a time.
@@ -141,7 +155,9 @@ def velocity_taps(rate: float, delay: float) -> tuple[np.ndarray, int, int]:
     stopband = min(VELOCITY_STOPBAND, 0.5 * rate)
     passband = min(VELOCITY_PASSBAND, 0.6 * stopband)
     whole = round(delay * rate)
-    return *design_lowpass(float(rate), passband, stopband, 1, round(delay * rate - whole, 9)), whole
+    return *design_lowpass(
+        float(rate), passband, stopband, 1, round(delay * rate - whole, 9)
+    ), whole
 
 
 def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:

@@ -35,7 +35,9 @@ class ReferenceProjection:
     # Shape (rows, channels): for each record the channels less their means, without the ends that leads and lags
     # touch.
     signals: list[np.ndarray]
-    residuals: list[np.ndarray]  # shape (rows, channels): what the common response to the reference leaves
+    residuals: list[
+        np.ndarray
+    ]  # shape (rows, channels): what the common response to the reference leaves
     rows: int  # samples of all records
     shrinkage: float  # share of a residual's power that the fit to the reference leaves in it
 
@@ -50,24 +52,34 @@ def project_on_reference(
 
     Shapes: references (N,), channels (N, channels).
     """
-    parts = _cut_records(references, channels, round(LEADS * rate), round(LAGS * rate), ROWS_PER_LAG)
+    parts = _cut_records(
+        references, channels, round(LEADS * rate), round(LAGS * rate), ROWS_PER_LAG
+    )
     coefficients, rank = _fit_response(parts)
     signals = [signal for _, signal in parts]
     rows = sum(map(len, signals))
     return ReferenceProjection(signals, _residuals(parts, coefficients), rows, 1.0 - rank / rows)
 
 
-def unseen_share(references: Sequence[np.ndarray], signals: Sequence[np.ndarray], rate: float) -> float:
+def unseen_share(
+    references: Sequence[np.ndarray], signals: Sequence[np.ndarray], rate: float
+) -> float:
     """Share of the variance of signals that the reference predicts in the half of the samples that was not fitted.
 
     Shapes: references, signals (N,).
     """
-    parts = _cut_records(references, signals, round(LEADS * rate), round(LAGS * rate), 2 * ROWS_PER_LAG)
+    parts = _cut_records(
+        references, signals, round(LEADS * rate), round(LAGS * rate), 2 * ROWS_PER_LAG
+    )
     pairs = [[np.split(x, [len(x) // 2]) for x in part] for part in parts]
-    halves = [[(shifted[half], _centre(signal[half])) for shifted, signal in pairs] for half in (0, 1)]
+    halves = [
+        [(shifted[half], _centre(signal[half])) for shifted, signal in pairs] for half in (0, 1)
+    ]
     residual = 0.0
     for training, test in (halves, halves[::-1]):
-        residual += sum(float(np.sum(part**2)) for part in _residuals(test, _fit_response(training)[0]))
+        residual += sum(
+            float(np.sum(part**2)) for part in _residuals(test, _fit_response(training)[0])
+        )
     return 1.0 - residual / sum(float(np.sum(signal**2)) for half in halves for _, signal in half)
 
 
@@ -78,7 +90,9 @@ def predict_from_reference(
 
     Shapes: signals (N, m), references (N, q); returns (N, m).
     """
-    coefficients, _ = _fit_response(_cut_records(references, signals, leads, lags, references[0].shape[1]))
+    coefficients, _ = _fit_response(
+        _cut_records(references, signals, leads, lags, references[0].shape[1])
+    )
     padded = [np.pad(_centre(record), ((lags, leads), (0, 0))) for record in references]
     return [_shift(record, leads + lags + 1) @ coefficients for record in padded]
 
@@ -97,7 +111,11 @@ def _centre(x: np.ndarray) -> np.ndarray:
 
 
 def _cut_records(
-    references: Sequence[np.ndarray], signals: Sequence[np.ndarray], leads: int, lags: int, rows_per_tap: int
+    references: Sequence[np.ndarray],
+    signals: Sequence[np.ndarray],
+    leads: int,
+    lags: int,
+    rows_per_tap: int,
 ) -> Parts:
     """Leads and lags of the references of each record that is longer than these, and the signals."""
     taps = leads + lags + 1
@@ -112,7 +130,9 @@ def _cut_records(
     return parts
 
 
-def _generate_rows(shifted: np.ndarray, signal: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _generate_rows(
+    shifted: np.ndarray, signal: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Leads and lags less their means, and signals, some rows at a time: all at once would not fit in a long record."""
     mean = shifted.mean(axis=0)
     for start in range(0, len(shifted), CHUNK):
@@ -134,7 +154,8 @@ def _fit_response(parts: Parts) -> tuple[np.ndarray, int]:
 def _residuals(parts: Parts, coefficients: np.ndarray) -> list[np.ndarray]:
     """What coefficients of the leads and lags leave of the signals."""
     return [
-        np.concatenate([signal - chunk @ coefficients for chunk, signal in _generate_rows(*part)]) for part in parts
+        np.concatenate([signal - chunk @ coefficients for chunk, signal in _generate_rows(*part)])
+        for part in parts
     ]
 
 
@@ -168,7 +189,9 @@ def fit_finite_response(
     return taps[shifts]
 
 
-def predict_decimated(y: np.ndarray, reference: np.ndarray, grid: tuple[int, int, int], rate: float) -> np.ndarray:
+def predict_decimated(
+    y: np.ndarray, reference: np.ndarray, grid: tuple[int, int, int], rate: float
+) -> np.ndarray:
     """Part of a decimated signal that the recorded reference explains, at the recording rate.
 
     Beyond its ends the reference is taken to equal its mean.
@@ -181,4 +204,6 @@ def predict_decimated(y: np.ndarray, reference: np.ndarray, grid: tuple[int, int
     recorded_taps[::factor] = taps
     lowpass, half = decimation_taps(factor, 0)
     first = half + factor * round(LEADS * rate / factor)
-    return convolve(reference - reference.mean(), convolve(recorded_taps, lowpass))[first:][: reference.size]
+    return convolve(reference - reference.mean(), convolve(recorded_taps, lowpass))[first:][
+        : reference.size
+    ]

@@ -30,7 +30,9 @@ def parse_rate(value: ArrayLike, *, source: str) -> float:
     return rate
 
 
-def compute_rate_of_parts(parts: Iterable[np.ndarray], size: int, *, source: str, name: str = "time") -> float:
+def compute_rate_of_parts(
+    parts: Iterable[np.ndarray], size: int, *, source: str, name: str = "time"
+) -> float:
     """Compute the sampling rate of regular times that are read in parts, of which the first has several samples."""
     if size < 2:
         raise DataError(f"{source}: {name} has {size} sample: a trial needs at least 2.")
@@ -41,11 +43,18 @@ def compute_rate_of_parts(parts: Iterable[np.ndarray], size: int, *, source: str
         with np.errstate(all="ignore"):  # of what is refused
             steps = np.diff(times, prepend=last)
             if not start:
-                first, usual = times[0], float(np.median(np.nan_to_num(steps[:: steps.size // FEW | 1])))
-            irregular = np.flatnonzero(~(np.abs(steps - usual) <= tolerance * abs(usual)) | (steps <= 0))
+                first, usual = (
+                    times[0],
+                    float(np.median(np.nan_to_num(steps[:: steps.size // FEW | 1]))),
+                )
+            irregular = np.flatnonzero(
+                ~(np.abs(steps - usual) <= tolerance * abs(usual)) | (steps <= 0)
+            )
         missing, offset = np.flatnonzero(~np.isfinite(times)), times.size - steps.size
         if missing.size and missing[0] <= irregular[0] + offset:
-            raise DataError(f"{source}: {name} is not finite at sample {start + missing[0]}: repair it.")
+            raise DataError(
+                f"{source}: {name} is not finite at sample {start + missing[0]}: repair it."
+            )
         if irregular.size:
             sample = irregular[0] + offset
             raise DataError(
@@ -58,7 +67,9 @@ def compute_rate_of_parts(parts: Iterable[np.ndarray], size: int, *, source: str
     return float(f"{1.0 / ((last[0] - first) / (size - 1)):.9g}")
 
 
-def check_same_rate(stated_rate: float, measured_rate: float, *, source: str, name: str = "time") -> None:
+def check_same_rate(
+    stated_rate: float, measured_rate: float, *, source: str, name: str = "time"
+) -> None:
     """Refuse a stated sampling rate that contradicts the times."""
     if abs(measured_rate - stated_rate) > RATE_TOLERANCE * stated_rate:
         raise DataError(

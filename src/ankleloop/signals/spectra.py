@@ -35,7 +35,10 @@ class Band:
     def bins(self) -> slice:
         """Those of the frequencies of the records that lie within the band."""
         frequency = np.fft.rfftfreq(self.samples, 1.0 / self.rate)
-        return slice(np.searchsorted(frequency, self.lowest), np.searchsorted(frequency, self.highest, side="right"))
+        return slice(
+            np.searchsorted(frequency, self.lowest),
+            np.searchsorted(frequency, self.highest, side="right"),
+        )
 
     @cached_property
     def frequency(self) -> np.ndarray:
@@ -62,7 +65,9 @@ class Band:
 
         Shapes: x (..., N); returns (..., frequencies).
         """
-        return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[..., self.bins]
+        return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[
+            ..., self.bins
+        ]
 
     def signals(self, spectra: np.ndarray) -> np.ndarray:
         """Signals whose transforms are given within the band and zero elsewhere, shape (..., samples)."""
@@ -95,7 +100,9 @@ def segment_spectra(x: np.ndarray, length: int, step: int) -> np.ndarray:
     Shapes: x (N,); returns (segments, length // 2 + 1).
     """
     segments = np.lib.stride_tricks.sliding_window_view(x, length)[::step]
-    return np.fft.rfft((segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length), axis=1)
+    return np.fft.rfft(
+        (segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length), axis=1
+    )
 
 
 def smooth(power: np.ndarray, width: float) -> np.ndarray:

@@ -34,7 +34,9 @@ def companion(denominator: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return A, B, np.eye(1, n)
 
 
-def step_matrices(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def step_matrices(
+    A: np.ndarray, B: np.ndarray, step: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     r"""Matrices of one step, :math:`x^+ = F x + G_0 u + G_1 u^+`, exact for inputs that are linear over it.
 
     Shapes: A, B (n, n); returns F, G0, G1 (n, n).
@@ -44,8 +46,12 @@ def step_matrices(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray
     M[:n, :n], M[:n, n : n + m] = A * step, B * step
     M[n : n + m, n + m :] = np.eye(m)
     scale = np.ones(len(M))
-    if np.abs(M).max() >= LARGEST:  # the states of a fast filter differ by many powers of ten: they are scaled alike
-        with np.errstate(invalid="ignore"):  # SciPy converts scales to the numbers of a permutation, which is not used
+    if (
+        np.abs(M).max() >= LARGEST
+    ):  # the states of a fast filter differ by many powers of ten: they are scaled alike
+        with np.errstate(
+            invalid="ignore"
+        ):  # SciPy converts scales to the numbers of a permutation, which is not used
             M, (scale, _) = linalg.matrix_balance(M, permute=False, separate=True)
     E = linalg.expm(M) * scale[:, None] / scale
     F, constant, slope = E[:n, :n], E[:n, n : n + m], E[:n, n + m :]
@@ -53,7 +59,9 @@ def step_matrices(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray
 
 
 @kernel()
-def simulate_states(A: np.ndarray, B: np.ndarray, u: np.ndarray, x0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def simulate_states(
+    A: np.ndarray, B: np.ndarray, u: np.ndarray, x0: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """States of x(t+1) = A x(t) + B u(t), and the one that follows.
 
     Shapes: A (n, n), B (n, m), u (N, m), x0 (n,); returns (N, n), (n,).

@@ -55,7 +55,10 @@ def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:
 
 def _centre(measured: ArrayLike, estimated: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Error and measured signal less their means."""
-    signals = {"measured": as_real(measured, "measured signal"), "estimated": as_real(estimated, "estimated signal")}
+    signals = {
+        "measured": as_real(measured, "measured signal"),
+        "estimated": as_real(estimated, "estimated signal"),
+    }
     y, estimate = signals.values()
     if y.ndim != 1 or y.shape != estimate.shape or y.size < 2:
         raise DataError(
@@ -65,7 +68,9 @@ def _centre(measured: ArrayLike, estimated: ArrayLike) -> tuple[np.ndarray, np.n
     for name, signal in signals.items():
         faults = np.flatnonzero(~np.isfinite(signal))
         if faults.size:
-            raise DataError(f"the {name} signal is not finite at sample {faults[0]} ({faults.size} samples in all).")
+            raise DataError(
+                f"the {name} signal is not finite at sample {faults[0]} ({faults.size} samples in all)."
+            )
     error, signal = (x - x.mean() for x in (y - estimate, y))
     # A constant differs from its mean by rounding only, so its variance is compared with the size of the signal.
     if not signal @ signal / signal.size > (np.finfo(float).eps * np.max(np.abs(y))) ** 2:
@@ -86,7 +91,9 @@ def _sum_covariances(x: np.ndarray, width: int) -> float:
     return float(sums @ sums) / (width * x.size)
 
 
-def vaf_with_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> tuple[float, float, float]:
+def vaf_with_interval(
+    measured: ArrayLike, estimated: ArrayLike, lags: int
+) -> tuple[float, float, float]:
     r"""VAF, and the asymptotic 95 % interval of that of a fixed model in the long run.
 
     With error e and signal y, both of zero mean, the logarithm of q = var(e)/var(y) is asymptotically normal, with the
@@ -102,7 +109,11 @@ def vaf_with_interval(measured: ArrayLike, estimated: ArrayLike, lags: int) -> t
     if not error.any():
         return 100.0, 100.0, 100.0
     influence = error**2 / np.mean(error**2) - signal**2 / np.mean(signal**2)
-    deviation = TWO_SIDED * np.sqrt(_sum_covariances(influence, min(lags + 1, error.size)) / error.size)
+    deviation = TWO_SIDED * np.sqrt(
+        _sum_covariances(influence, min(lags + 1, error.size)) / error.size
+    )
     share = (error @ error) / (signal @ signal)
-    value, low, high = (float(100.0 * (1.0 - share * np.exp(sign * deviation))) for sign in (0.0, 1.0, -1.0))
+    value, low, high = (
+        float(100.0 * (1.0 - share * np.exp(sign * deviation))) for sign in (0.0, 1.0, -1.0)
+    )
     return value, low, high

@@ -11,7 +11,9 @@ from ankleloop.signals.statespace import companion, simulate_states, step_matric
 from ankleloop.simulation.settings import SimulationSettings
 
 ANTIALIAS_ORDER = 4
-VOLUNTARY_WARMUP = 5.0  # periods of its cutoff until the low-pass of the voluntary torque has settled
+VOLUNTARY_WARMUP = (
+    5.0  # periods of its cutoff until the low-pass of the voluntary torque has settled
+)
 # Upper poles of Bessel low-passes whose -3 dB frequency is 1 rad/s, those of `scipy.signal.besselap(n, norm="mag")`:
 # importing that takes longer than simulating fifty trials.
 POLES = {
@@ -33,7 +35,10 @@ class DiscreteFilter(NamedTuple):
 
         Shapes: u (N,); returns (N,).
         """
-        return simulate_states(self.A, self.B[:, None], u[:, None], np.zeros(self.B.size))[0] @ self.C + self.D * u
+        return (
+            simulate_states(self.A, self.B[:, None], u[:, None], np.zeros(self.B.size))[0] @ self.C
+            + self.D * u
+        )
 
 
 def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
@@ -53,7 +58,9 @@ def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
     return DiscreteFilter(np.ascontiguousarray(F), B[:, 0].copy(), C[0], D)
 
 
-def antialias(x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", "foh"]) -> np.ndarray:
+def antialias(
+    x: np.ndarray, settings: SimulationSettings, hold: Literal["zoh", "foh"]
+) -> np.ndarray:
     """Pass external signals through the anti-aliasing filter of the recorder, exactly; unchanged if it has none.
 
     Shapes: x (N,).
@@ -69,7 +76,11 @@ def voluntary_filter(rate: float, cutoff: float) -> tuple[DiscreteFilter, int, f
     double = 2.0 * rate
     _, slope, constant = bessel_denominator(2, double * np.tan(np.pi * cutoff / rate))
     a = np.array(
-        [double**2 + slope * double + constant, 2 * (constant - double**2), double**2 - slope * double + constant]
+        [
+            double**2 + slope * double + constant,
+            2 * (constant - double**2),
+            double**2 - slope * double + constant,
+        ]
     )
     b, a = constant * np.array([1.0, 2.0, 1.0]) / a[0], a / a[0]
     A = np.array([[-a[1], 1.0], [-a[2], 0.0]])

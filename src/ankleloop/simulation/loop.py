@@ -27,14 +27,24 @@ from ankleloop.simulation.filters import ANTIALIAS_ORDER, bessel_denominator
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import Trajectories, parameter_ranges
 
-ACCURACY = 1e-8  # of the largest entry of a row: error of the polynomials for stiffness and viscosity
+ACCURACY = (
+    1e-8  # of the largest entry of a row: error of the polynomials for stiffness and viscosity
+)
 HIGHEST_DEGREE = 6
 VECTOR = 8  # doubles: rows of whole vectors take a fourth less time
 # Inputs of the continuous model; the drive of the reflex is the rectified delayed velocity, times the share of the gain
 # in its largest value.
 COMMAND, NOISE, VOLUNTARY, DRIVE = range(4)
 # Settings that decide whether the loop is stable.
-DECISIVE = ("load_inertia", "load_viscosity", "load_stiffness", "reflex_gain", "delay", "stiffness", "viscosity")
+DECISIVE = (
+    "load_inertia",
+    "load_viscosity",
+    "load_stiffness",
+    "reflex_gain",
+    "delay",
+    "stiffness",
+    "viscosity",
+)
 RECORDED = 3  # position, intrinsic and reflex torque
 
 
@@ -46,7 +56,9 @@ class Loop:
     each integration step, and zeros that fill up a vector; the velocities are those after each integration step.
     """
 
-    matrix: np.ndarray  # shape (rows, columns), for stiffness and viscosity in the middle of their ranges
+    matrix: (
+        np.ndarray
+    )  # shape (rows, columns), for stiffness and viscosity in the middle of their ranges
     ranges: np.ndarray  # shape (2, 2): middle and half of the ranges of stiffness and viscosity
     # Shape (terms, rows, columns): changes of the matrix in proportion to products of powers of x and y, the deviations
     # of stiffness and viscosity from the middle of their ranges as shares of half of them; no terms for constant ones.
@@ -58,7 +70,10 @@ class Loop:
         factors = np.empty((stiffness.size, len(self.powers)))
         if self.powers:
             (middle_x, half_x), (middle_y, half_y) = self.ranges
-            x, y = (stiffness - middle_x) / (half_x or 1.0), (viscosity - middle_y) / (half_y or 1.0)
+            x, y = (
+                (stiffness - middle_x) / (half_x or 1.0),
+                (viscosity - middle_y) / (half_y or 1.0),
+            )
             factors[:] = np.stack([x**i * y**j for i, j in self.powers], axis=1)
         return factors
 
@@ -72,9 +87,13 @@ class _ContinuousModel(NamedTuple):
     D: np.ndarray
 
 
-def _continuous_model(settings: SimulationSettings, stiffness: float, viscosity: float) -> _ContinuousModel:
+def _continuous_model(
+    settings: SimulationSettings, stiffness: float, viscosity: float
+) -> _ContinuousModel:
     """States: servo, displacement of the load and its rate, reflex torque, filters."""
-    As, bs, _ = companion(lowpass_denominator(2 * np.pi * settings.actuator_frequency, settings.actuator_damping))
+    As, bs, _ = companion(
+        lowpass_denominator(2 * np.pi * settings.actuator_frequency, settings.actuator_damping)
+    )
     Aq, bq, _ = companion(lowpass_denominator(settings.omega_n, settings.zeta, settings.pole))
     servo, reflex = slice(0, 2), slice(4, 4 + len(Aq))
     n = reflex.stop
@@ -105,7 +124,9 @@ def _continuous_model(settings: SimulationSettings, stiffness: float, viscosity:
         return _filter_outputs(model, settings.antialias_cutoff)
     # The filter commutes with differentiation: its states give the filtered P, Ṗ and P̈, hence the intrinsic torque. It
     # does not commute with a stiffness that varies.
-    filtered = _filter_outputs(model._replace(C=model.C[[0, 2]], D=model.D[[0, 2]]), settings.antialias_cutoff)
+    filtered = _filter_outputs(
+        model._replace(C=model.C[[0, 2]], D=model.D[[0, 2]]), settings.antialias_cutoff
+    )
     intrinsic = np.zeros(len(filtered.A))
     intrinsic[n : n + 3] = stiffness, viscosity, settings.inertia
     return filtered._replace(C=np.insert(filtered.C, 1, intrinsic, axis=0), D=np.zeros_like(D))
@@ -135,7 +156,10 @@ def build_loop(settings: SimulationSettings) -> Loop:
     matrix = _discretise(settings, middle)
     loop = Loop(matrix, ranges, np.empty((0, *matrix.shape)))
     for degree in range(2, HIGHEST_DEGREE + 1) if half.any() else ():
-        nodes = [np.cos(np.pi * np.arange(degree + 1) / degree) if size > 0 else np.zeros(1) for size in half]
+        nodes = [
+            np.cos(np.pi * np.arange(degree + 1) / degree) if size > 0 else np.zeros(1)
+            for size in half
+        ]
         points = list(product(*nodes))
         powers = [(i, j) for i in range(nodes[0].size) for j in range(nodes[1].size)]
         samples = np.array([_discretise(settings, middle + half * point) for point in points])
@@ -161,7 +185,9 @@ def _interpolation_error(loop: Loop, settings: SimulationSettings) -> float:
     for point in product((-0.8, 0.35), (-0.45, 0.85)):
         values = middle + half * point
         matrix = _discretise(settings, values)
-        difference = loop.matrix + np.tensordot(loop.factors(*values[:, None])[0], loop.changes, 1) - matrix
+        difference = (
+            loop.matrix + np.tensordot(loop.factors(*values[:, None])[0], loop.changes, 1) - matrix
+        )
         errors.append(np.max(np.abs(difference) / np.abs(matrix).max(axis=1, keepdims=True)))
     return float(max(errors))
 
@@ -176,7 +202,9 @@ def _discretise(settings: SimulationSettings, values: np.ndarray) -> np.ndarray:
     state, velocities = np.eye(n, n + inputs), []
     for step in range(steps):
         state = F @ state
-        state[:, n:] += before @ _select_inputs(step, steps, inputs) + after @ _select_inputs(step + 1, steps, inputs)
+        state[:, n:] += before @ _select_inputs(step, steps, inputs) + after @ _select_inputs(
+            step + 1, steps, inputs
+        )
         velocities.append(state[1] - state[3])
     recorded = np.hstack([C, D @ _select_inputs(0, steps, inputs)])  # at the start of the sample
     return np.vstack([state, *velocities, recorded])
@@ -210,7 +238,12 @@ def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limi
     ring, start, velocity = np.zeros(whole + steps + 2), 0, 0.0
     z, out, present = np.zeros(columns), np.zeros(rows), matrix.copy()
     for k in range(frames):
-        z[n], z[n + 1], z[n + 2], z[n + 3] = command[k], noise[k], voluntary[k], voluntary[min(k + 1, frames - 1)]
+        z[n], z[n + 1], z[n + 2], z[n + 3] = (
+            command[k],
+            noise[k],
+            voluntary[k],
+            voluntary[min(k + 1, frames - 1)],
+        )
         for j in range(steps + 1):
             at = start + j
             z[n + inputs + j] = gains[k] * ring[at if at < ring.size else at - ring.size]
@@ -234,7 +267,9 @@ def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limi
             z[i] = out[i]
         for j in range(steps):
             now = out[n + j]
-            delayed = fraction * velocity + (1.0 - fraction) * now  # the delay ends between two steps
+            delayed = (
+                fraction * velocity + (1.0 - fraction) * now
+            )  # the delay ends between two steps
             at = (start + j + 1 + whole) % ring.size
             ring[at] = max(0.0, delayed - threshold)
             velocity = now
@@ -256,14 +291,22 @@ def run_loop(
     loop = build_loop(settings)
     steps_of_delay = settings.delay * settings.integration_rate
     whole = int(np.floor(steps_of_delay + 1e-9))
-    delay = round(settings.integration_rate / settings.recording_rate), whole, max(0.0, steps_of_delay - whole)
+    delay = (
+        round(settings.integration_rate / settings.recording_rate),
+        whole,
+        max(0.0, steps_of_delay - whole),
+    )
     limits = settings.reflex_threshold, settings.position_limit
     factors = loop.factors(joint.stiffness, joint.viscosity)
     gains = joint.gain / (parameter_ranges(settings)[2, 1] or 1.0)
     record = np.empty((RECORDED, command.size))
-    divergence = _run(loop.matrix, loop.changes, factors, gains, command, noise, voluntary, delay, limits, record)
+    divergence = _run(
+        loop.matrix, loop.changes, factors, gains, command, noise, voluntary, delay, limits, record
+    )
     if divergence >= 0:
-        parameters = (f"{name}={getattr(settings, name):g} {settings.unit(name)}" for name in DECISIVE)
+        parameters = (
+            f"{name}={getattr(settings, name):g} {settings.unit(name)}" for name in DECISIVE
+        )
         raise UnstableLoopError(
             f"the closed loop is unstable: the position passes ±{settings.position_limit:g} rad after "
             f"{divergence / settings.recording_rate:.3g} s. Parameters: {', '.join(parameters)}. "

@@ -14,19 +14,36 @@ from pydantic import ValidationInfo, field_validator, model_validator
 from ankleloop.options import Options, option, show_value
 
 MOST_STEPS = 1000  # integration steps over a recorded sample: the loop has a matrix of as many rows
-DWELLS = (0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6)  # s: dwell times of the perturbation "dwells"
+DWELLS = (
+    0.02,
+    0.03,
+    0.04,
+    0.06,
+    0.08,
+    0.1,
+    0.15,
+    0.2,
+    0.3,
+    0.4,
+    0.6,
+)  # s: dwell times of the perturbation "dwells"
 
 
 def _variation_option(symbol: str) -> Any:
     """Declare by how much a parameter of the joint varies."""
     return option(
-        0.0, f"{symbol} goes from (1 - this) to (1 + this) times its mean, where `variation` is set", ge=0, le=1
+        0.0,
+        f"{symbol} goes from (1 - this) to (1 + this) times its mean, where `variation` is set",
+        ge=0,
+        le=1,
     )
 
 
 def _peak_option(symbol: str) -> Any:
     """Declare where a parameter of the joint is largest."""
-    return option(0.5, f"place within 0 … 1 of what it varies with at which {symbol} is largest", ge=0, le=1)
+    return option(
+        0.5, f"place within 0 … 1 of what it varies with at which {symbol} is largest", ge=0, le=1
+    )
 
 
 def _table_option(symbol: str, unit: str) -> Any:
@@ -54,12 +71,20 @@ class SimulationSettings(Options):
     inertia: float = option(0.015, "intrinsic inertia I", unit="kg·m²", ge=0, le=1e4)
 
     # Reflex stiffness: delayed velocity, half-wave rectified, through a low-pass of order 2 or 3.
-    reflex_gain: float = option(13.0, "reflex gain G; assumed, Eq. 17 prints 2", unit="N·m·s/rad", ge=0, le=1e5)
-    reflex_threshold: float = option(0.0, "velocity at which the rectifier begins", unit="rad/s", ge=0, le=1000)
-    omega_n: float = option(40.0, "natural frequency of the reflex low-pass", unit="rad/s", ge=0.01, le=1e5)
+    reflex_gain: float = option(
+        13.0, "reflex gain G; assumed, Eq. 17 prints 2", unit="N·m·s/rad", ge=0, le=1e5
+    )
+    reflex_threshold: float = option(
+        0.0, "velocity at which the rectifier begins", unit="rad/s", ge=0, le=1000
+    )
+    omega_n: float = option(
+        40.0, "natural frequency of the reflex low-pass", unit="rad/s", ge=0.01, le=1e5
+    )
     zeta: float = option(1.0, "damping ratio of the reflex low-pass", ge=0.001, le=1000)
     delay: float = option(0.040, "reflex delay; at least one recorded sample", unit="s", gt=0, le=1)
-    pole: float | None = option(None, "extra real pole p (Eq. 2); null: none", unit="rad/s", ge=0.01, le=1e5)
+    pole: float | None = option(
+        None, "extra real pole p (Eq. 2); null: none", unit="rad/s", ge=0.01, le=1e5
+    )
 
     # Variation of K, B and G within the record; `stiffness`, `viscosity` and `reflex_gain` are the means.
     variation: Literal["cycle", "time", "schedule"] | None = option(
@@ -80,9 +105,15 @@ class SimulationSettings(Options):
     viscosity_table: tuple[float, ...] | str | None = _table_option("B", "N·m·s/rad")
     gain_table: tuple[float, ...] | str | None = _table_option("G", "N·m·s/rad")
     cycle_duration: float = option(1.4, "mean duration of a cycle", unit="s", gt=0, le=1e5)
-    cycle_jitter: float = option(0.0, "durations of cycles lie evenly within ± this share of their mean", ge=0, le=0.5)
+    cycle_jitter: float = option(
+        0.0, "durations of cycles lie evenly within ± this share of their mean", ge=0, le=0.5
+    )
     schedule_period: float = option(
-        10.0, "period of one sinusoid of the scheduling variable; 0.618 of it of the other", unit="s", gt=0, le=1e5
+        10.0,
+        "period of one sinusoid of the scheduling variable; 0.618 of it of the other",
+        unit="s",
+        gt=0,
+        le=1e5,
     )
     movement: float = option(
         0.0,
@@ -92,58 +123,97 @@ class SimulationSettings(Options):
         le=1000,
     )
     locked_torque: float = option(
-        0.0, "deviation of a voluntary torque that repeats with the cycle, over that of the clean torque", ge=0, le=1e6
+        0.0,
+        "deviation of a voluntary torque that repeats with the cycle, over that of the clean torque",
+        ge=0,
+        le=1e6,
     )
 
     # Impedance-controlled load.
-    load_inertia: float = option(1.1, "inertia I_L of the simulated load; assumed", unit="kg·m²", ge=1e-6, le=1e6)
-    load_viscosity: float = option(7.1, "viscosity B_L of the simulated load; assumed", unit="N·m·s/rad", ge=0, le=1e7)
-    load_stiffness: float = option(250.0, "stiffness K_L of the simulated load; assumed", unit="N·m/rad", ge=0, le=1e12)
+    load_inertia: float = option(
+        1.1, "inertia I_L of the simulated load; assumed", unit="kg·m²", ge=1e-6, le=1e6
+    )
+    load_viscosity: float = option(
+        7.1, "viscosity B_L of the simulated load; assumed", unit="N·m·s/rad", ge=0, le=1e7
+    )
+    load_stiffness: float = option(
+        250.0, "stiffness K_L of the simulated load; assumed", unit="N·m/rad", ge=0, le=1e12
+    )
 
     # Position servo of second order between the command and the joint.
-    actuator_frequency: float = option(20.0, "natural frequency of the servo; assumed", unit="Hz", ge=0.01, le=1e4)
+    actuator_frequency: float = option(
+        20.0, "natural frequency of the servo; assumed", unit="Hz", ge=0.01, le=1e4
+    )
     actuator_damping: float = option(0.8, "damping ratio of the servo; assumed", ge=0.001, le=1000)
 
     # Position command, the reference. Pulses well below the delay decorrelate the two paths.
     perturbation: Literal["prbs", "pulses", "dwells"] = option(
-        "prbs", "kind of the position command: pseudorandom binary sequence, short pulses, or steps after random times"
+        "prbs",
+        "kind of the position command: pseudorandom binary sequence, short pulses, or steps after random times",
     )
     dwell_weights: tuple[float, ...] | str | None = option(
         None,
         f"weights of the dwell times {', '.join(f'{1000 * dwell:g}' for dwell in DWELLS)} ms; null for equal ones",
     )
-    amplitude: float = option(0.04, "peak-to-peak amplitude of the position command", unit="rad", ge=1e-9, le=1000)
-    perturbation_locked: bool = option(False, "true: the same in every cycle, from which no method can tell it")
+    amplitude: float = option(
+        0.04, "peak-to-peak amplitude of the position command", unit="rad", ge=1e-9, le=1000
+    )
+    perturbation_locked: bool = option(
+        False, "true: the same in every cycle, from which no method can tell it"
+    )
     switching_interval: float = option(
         0.1, "interval at which the PRBS may switch, or a pulse begin", unit="s", gt=0, le=1000
     )
-    pulse_length: float = option(0.02, "length of the pulses, well below the delay", unit="s", gt=0, le=1000)
+    pulse_length: float = option(
+        0.02, "length of the pulses, well below the delay", unit="s", gt=0, le=1000
+    )
 
     # Disturbances, both of which are fed back through the load. The clean net torque is that of the perturbation alone.
     torque_level: float | None = option(
-        None, "torque that stands for the deviation of the clean net torque; null for that", unit="N·m", gt=0, le=1e6
+        None,
+        "torque that stands for the deviation of the clean net torque; null for that",
+        unit="N·m",
+        gt=0,
+        le=1e6,
     )
     voluntary: float = option(
-        0.05, "standard deviation of the voluntary torque over that of the clean net torque; assumed", ge=0, le=1e6
+        0.05,
+        "standard deviation of the voluntary torque over that of the clean net torque; assumed",
+        ge=0,
+        le=1e6,
     )
-    voluntary_cutoff: float = option(2.0, "-3 dB frequency of its Bessel low-pass", unit="Hz", ge=0.01, le=1e5)
+    voluntary_cutoff: float = option(
+        2.0, "-3 dB frequency of its Bessel low-pass", unit="Hz", ge=0.01, le=1e5
+    )
     snr_db: float | None = option(
         10.0, "clean net torque over noise, as recorded; null: no noise", unit="dB", ge=-100, le=300
     )
-    noise_rate: float = option(100.0, "rate at which white noise is drawn and held", unit="Hz", ge=0.1, le=1e5)
+    noise_rate: float = option(
+        100.0, "rate at which white noise is drawn and held", unit="Hz", ge=0.1, le=1e5
+    )
 
     # Anti-aliasing filter and sampler of every channel.
     recording_rate: float = option(1000.0, "sampling rate of the record", unit="Hz", ge=1, le=1e5)
     antialias_cutoff: float | None = option(
-        200.0, "-3 dB frequency of the fourth-order Bessel filter; assumed; null: no filter", unit="Hz", ge=0.01, le=1e5
+        200.0,
+        "-3 dB frequency of the fourth-order Bessel filter; assumed; null: no filter",
+        unit="Hz",
+        ge=0.01,
+        le=1e5,
     )
 
     # Run.
     duration: float = option(50.0, "length of the record", unit="s", gt=0, le=1e6)
-    settling: float = option(5.0, "time simulated ahead of the record, and dropped", unit="s", ge=0, le=1e5)
-    integration_rate: float = option(10000.0, "rate of the exact discretisation of the loop", unit="Hz", ge=1, le=1e7)
+    settling: float = option(
+        5.0, "time simulated ahead of the record, and dropped", unit="s", ge=0, le=1e5
+    )
+    integration_rate: float = option(
+        10000.0, "rate of the exact discretisation of the loop", unit="Hz", ge=1, le=1e7
+    )
     closed_loop: bool = option(True, "false: stiff servo, torque does not move the joint")
-    position_limit: float = option(1.0, "a loop that leaves ± this is declared unstable", unit="rad", ge=1e-9, le=1e6)
+    position_limit: float = option(
+        1.0, "a loop that leaves ± this is declared unstable", unit="rad", ge=1e-9, le=1e6
+    )
 
     @classmethod
     def parse(cls, owner: str, /, *, load: Sequence[float] | None = None, **values: Any) -> Self:
@@ -153,18 +223,28 @@ class SimulationSettings(Options):
         try:
             inertia, viscosity, stiffness = load
         except (TypeError, ValueError):
-            raise ValueError(f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}.") from None
-        parameters = {"load_inertia": inertia, "load_viscosity": viscosity, "load_stiffness": stiffness}
+            raise ValueError(
+                f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}."
+            ) from None
+        parameters = {
+            "load_inertia": inertia,
+            "load_viscosity": viscosity,
+            "load_stiffness": stiffness,
+        }
         return super().parse(owner, **{**parameters, **values})
 
-    @field_validator("stiffness_table", "viscosity_table", "gain_table", "dwell_weights", mode="before")
+    @field_validator(
+        "stiffness_table", "viscosity_table", "gain_table", "dwell_weights", mode="before"
+    )
     @classmethod
     def _as_table(cls, values: Any, info: ValidationInfo) -> Any:
         """Tables come as lists from YAML, as arrays from NumPy, and as text from points of a study."""
         if values is None:
             return None
         try:
-            table = tuple(float(value) for value in (values.split(",") if isinstance(values, str) else values))
+            table = tuple(
+                float(value) for value in (values.split(",") if isinstance(values, str) else values)
+            )
         except (TypeError, ValueError):
             table = ()
         if len(table) < 2:
@@ -177,14 +257,22 @@ class SimulationSettings(Options):
     def _check_tables(self) -> Self:
         """Tables hold no negative values, and nothing varies where `variation` says that nothing does."""
         weights = self.dwell_weights
-        if isinstance(weights, tuple) and (len(weights) != len(DWELLS) or min(weights) < 0 or max(weights) == 0):
-            raise ValueError(f"dwell_weights must be {len(DWELLS)} numbers of at least 0, not all 0, got {weights}.")
+        if isinstance(weights, tuple) and (
+            len(weights) != len(DWELLS) or min(weights) < 0 or max(weights) == 0
+        ):
+            raise ValueError(
+                f"dwell_weights must be {len(DWELLS)} numbers of at least 0, not all 0, got {weights}."
+            )
         for name in ("stiffness", "viscosity", "gain"):
             table, share = getattr(self, f"{name}_table"), getattr(self, f"{name}_variation")
             if table is not None and min(table) < 0:
-                raise ValueError(f"{name}_table must hold values of at least 0, got {min(table):g}.")
+                raise ValueError(
+                    f"{name}_table must hold values of at least 0, got {min(table):g}."
+                )
             if self.variation is None and (table is not None or share > 0):
-                raise ValueError(f"{name}_table and {name}_variation need `variation`: cycle, time or schedule.")
+                raise ValueError(
+                    f"{name}_table and {name}_variation need `variation`: cycle, time or schedule."
+                )
         return self
 
     @model_validator(mode="after")
@@ -203,14 +291,22 @@ class SimulationSettings(Options):
             ("recording_rate / noise_rate", rate / self.noise_rate),
             ("integration_rate / recording_rate", steps),
         ):
-            if abs(ratio - round(ratio)) > 1e-6 or (round(ratio) < 1 and not name.startswith("settling")):
+            if abs(ratio - round(ratio)) > 1e-6 or (
+                round(ratio) < 1 and not name.startswith("settling")
+            ):
                 raise ValueError(f"{name} must be a whole number, got {ratio:g}.")
         if steps > MOST_STEPS + 0.5:
-            raise ValueError(f"integration_rate / recording_rate must be at most {MOST_STEPS}, got {steps:g}.")
+            raise ValueError(
+                f"integration_rate / recording_rate must be at most {MOST_STEPS}, got {steps:g}."
+            )
         if self.perturbation == "pulses" and self.pulse_length > interval * (1 + 1e-9):
-            raise ValueError(f"pulse_length must be at most the switching_interval, {interval:g} s.")
+            raise ValueError(
+                f"pulse_length must be at most the switching_interval, {interval:g} s."
+            )
         if self.voluntary_cutoff >= rate / 2:
-            raise ValueError(f"voluntary_cutoff must be below half of the recording_rate, {rate / 2:g} Hz.")
+            raise ValueError(
+                f"voluntary_cutoff must be below half of the recording_rate, {rate / 2:g} Hz."
+            )
         if self.delay * rate < 1 - 1e-9:
             raise ValueError(f"delay must be at least one recorded sample, {1 / rate:g} s.")
         return self

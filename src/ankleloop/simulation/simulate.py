@@ -94,12 +94,17 @@ def simulate(
 
 def _check_command(command: ArrayLike, settings: SimulationSettings) -> np.ndarray:
     """A command over the record, with its end ahead of it [rad]."""
-    values, samples = as_real(command, "command"), round(settings.duration * settings.recording_rate)
+    values, samples = (
+        as_real(command, "command"),
+        round(settings.duration * settings.recording_rate),
+    )
     if values.shape != (samples,) or not np.isfinite(values).all():
         raise DataError(
             f"simulate: command must be {samples} finite numbers [rad], got shape {values.shape}: give its duration."
         )
-    return values.take(np.arange(-round(settings.settling * settings.recording_rate), samples), mode="wrap")
+    return values.take(
+        np.arange(-round(settings.settling * settings.recording_rate), samples), mode="wrap"
+    )
 
 
 def _simulate(
@@ -109,7 +114,9 @@ def _simulate(
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     # Keys of the streams are set here: `SeedSequence.spawn` counts its calls, so the same seed would give other bits.
     keys = [(*root.spawn_key, k) for k in range(4)]
-    streams = [np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys]
+    streams = [
+        np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys
+    ]
     for_perturbation, for_voluntary, for_noise, for_course = streams
     course = draw_course(settings, for_course)
     time = np.arange(-settling, round(settings.duration * rate)) / rate
@@ -124,12 +131,17 @@ def _simulate(
     if settings.voluntary > 0 or settings.locked_torque > 0:
         voluntary = deviation * _draw_voluntary(settings, for_voluntary, course, time)
     if settings.snr_db is not None:
-        noise = 10 ** (-settings.snr_db / 20) * deviation * _draw_noise(settings, for_noise, time.size)
+        noise = (
+            10 ** (-settings.snr_db / 20) * deviation * _draw_noise(settings, for_noise, time.size)
+        )
     if settings.movement > 0:
         command = command + course.movement(time)
     if voluntary.any() or noise.any() or settings.movement > 0:
         response = run_loop(settings, joint, command, noise, voluntary)
-    held, linear = (antialias(x, settings, "zoh") for x in (command, noise)), antialias(voluntary, settings, "foh")
+    held, linear = (
+        (antialias(x, settings, "zoh") for x in (command, noise)),
+        antialias(voluntary, settings, "foh"),
+    )
     reference, noise = (x[settling:] for x in held)
     position, intrinsic, reflex, voluntary = (x[settling:] for x in (*response, linear))
     return new_trial(
@@ -153,7 +165,12 @@ def _describe_course(course: Course, time: np.ndarray) -> dict[str, np.ndarray]:
     settings, variables = course.settings, {}
     if settings.variation == "schedule":
         variables["schedule"] = course.schedule(time)
-    elif settings.variation == "cycle" or settings.perturbation_locked or settings.locked_torque or settings.movement:
+    elif (
+        settings.variation == "cycle"
+        or settings.perturbation_locked
+        or settings.locked_torque
+        or settings.movement
+    ):
         variables["phase"] = course.phase(time)
     if settings.variation is not None:
         names = ("stiffness_true", "viscosity_true", "reflex_gain_true")
@@ -178,7 +195,9 @@ def _check_seed(seed: Any) -> int | np.random.SeedSequence:
     )
 
 
-def draw_perturbation(settings: SimulationSettings, rng: np.random.Generator, samples: int) -> np.ndarray:
+def draw_perturbation(
+    settings: SimulationSettings, rng: np.random.Generator, samples: int
+) -> np.ndarray:
     """Draw a pseudorandom binary sequence, steps after random times, or short pulses of independent random sign [rad].
 
     A pulse ends before its reflex begins, and its sign is independent of the next one. So the position and its
@@ -186,12 +205,17 @@ def draw_perturbation(settings: SimulationSettings, rng: np.random.Generator, sa
 
     Shapes: returns (samples,).
     """
-    if settings.perturbation == "dwells":  # ±½ in turn, each for a dwell time that is drawn by its weight
+    if (
+        settings.perturbation == "dwells"
+    ):  # ±½ in turn, each for a dwell time that is drawn by its weight
         lengths = np.maximum(1, np.round(np.array(DWELLS) * settings.recording_rate).astype(int))
         weights = np.array(settings.dwell_weights or np.ones(len(DWELLS)))
         first = rng.choice([-0.5, 0.5])
         dwells = rng.choice(lengths, size=-(-samples // lengths[0]), p=weights / weights.sum())
-        return settings.amplitude * np.repeat(np.resize([first, -first], dwells.size), dwells)[:samples]
+        return (
+            settings.amplitude
+            * np.repeat(np.resize([first, -first], dwells.size), dwells)[:samples]
+        )
     interval = round(settings.switching_interval * settings.recording_rate)
     count = -(-samples // interval)
     if settings.perturbation == "prbs":
@@ -208,7 +232,9 @@ def _draw_voluntary(
     """Voluntary torque, at random and in step with the cycle, over the deviation of the clean net torque."""
     torque = settings.locked_torque * course.locked_torque(time)
     if settings.voluntary > 0:
-        system, warmup, deviation = voluntary_filter(settings.recording_rate, settings.voluntary_cutoff)
+        system, warmup, deviation = voluntary_filter(
+            settings.recording_rate, settings.voluntary_cutoff
+        )
         slow = system.run(rng.standard_normal(warmup + time.size))[warmup:]
         torque = torque + settings.voluntary / deviation * slow
     return torque

@@ -10,8 +10,16 @@ import numpy as np
 from ankleloop.simulation.settings import SimulationSettings
 
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # ratio of two periods that have no common multiple
-PARAMETERS = {"stiffness": "stiffness", "viscosity": "viscosity", "gain": "reflex_gain"}  # names of settings
-LOCKED_HARMONICS = {1: (1.0, 0.0), 2: (0.6, 1.0), 3: (0.3, 2.0)}  # amplitude and phase [rad] of the locked torque
+PARAMETERS = {
+    "stiffness": "stiffness",
+    "viscosity": "viscosity",
+    "gain": "reflex_gain",
+}  # names of settings
+LOCKED_HARMONICS = {
+    1: (1.0, 0.0),
+    2: (0.6, 1.0),
+    3: (0.3, 2.0),
+}  # amplitude and phase [rad] of the locked torque
 
 
 class Trajectories(NamedTuple):
@@ -34,13 +42,17 @@ class Course:
 
     def phase(self, time: np.ndarray) -> np.ndarray:
         """Phase of the cycle, from 0 to 1, shape of `time`."""
-        cycle = np.clip(np.searchsorted(self.onsets, time + 1e-9, side="right") - 1, 0, self.onsets.size - 2)
+        cycle = np.clip(
+            np.searchsorted(self.onsets, time + 1e-9, side="right") - 1, 0, self.onsets.size - 2
+        )
         return np.clip((time - self.onsets[cycle]) / np.diff(self.onsets)[cycle], 0.0, 1.0)
 
     def schedule(self, time: np.ndarray) -> np.ndarray:
         """Scheduling variable, from 0 to 1, shape of `time`."""
         periods = self.settings.schedule_period * np.array([1.0, GOLDEN])
-        return 0.5 + 0.25 * np.sum(np.sin(2 * np.pi * time[:, None] / periods + self.angles), axis=1)
+        return 0.5 + 0.25 * np.sum(
+            np.sin(2 * np.pi * time[:, None] / periods + self.angles), axis=1
+        )
 
     def place(self, time: np.ndarray) -> np.ndarray:
         """Place within 0 … 1 of what K, B and G vary with, shape of `time`."""
@@ -62,7 +74,9 @@ class Course:
         """Torque of unit standard deviation that repeats with the cycle, shape of `time`."""
         phase = 2 * np.pi * self.phase(time)
         parts = [a * np.sin(k * phase + angle) for k, (a, angle) in LOCKED_HARMONICS.items()]
-        return np.sum(parts, axis=0) / np.sqrt(0.5 * sum(a**2 for a, _ in LOCKED_HARMONICS.values()))
+        return np.sum(parts, axis=0) / np.sqrt(
+            0.5 * sum(a**2 for a, _ in LOCKED_HARMONICS.values())
+        )
 
 
 def draw_course(settings: SimulationSettings, rng: np.random.Generator) -> Course:
@@ -71,7 +85,11 @@ def draw_course(settings: SimulationSettings, rng: np.random.Generator) -> Cours
     mean, jitter = settings.cycle_duration, settings.cycle_jitter
     before = int(np.ceil(settings.settling / mean - 1e-9))
     count = int(np.ceil((before * mean + settings.duration) / (mean * (1.0 - jitter)) - 1e-9))
-    durations = mean * (1.0 + jitter * rng.uniform(-1.0, 1.0, count)) if jitter > 0 else np.full(count, mean)
+    durations = (
+        mean * (1.0 + jitter * rng.uniform(-1.0, 1.0, count))
+        if jitter > 0
+        else np.full(count, mean)
+    )
     onsets = -mean * before + np.concatenate([[0.0], np.cumsum(durations)])
     return Course(settings, onsets[: np.searchsorted(onsets, settings.duration - 1e-9) + 1], angles)
 
@@ -90,11 +108,15 @@ def parameter_ranges(settings: SimulationSettings) -> np.ndarray:
     ranges = []
     for name in PARAMETERS:
         mean, share, table = _variation(settings, name)
-        ranges.append([mean * (1 - share), mean * (1 + share)] if table is None else [min(table), max(table)])
+        ranges.append(
+            [mean * (1 - share), mean * (1 + share)] if table is None else [min(table), max(table)]
+        )
     return np.array(ranges)
 
 
-def _variation(settings: SimulationSettings, name: str) -> tuple[float, float, tuple[float, ...] | None]:
+def _variation(
+    settings: SimulationSettings, name: str
+) -> tuple[float, float, tuple[float, ...] | None]:
     """Mean of a parameter, its relative variation, and its table."""
     mean = getattr(settings, PARAMETERS[name])
     return mean, getattr(settings, f"{name}_variation"), getattr(settings, f"{name}_table")
@@ -109,4 +131,7 @@ def _profile(settings: SimulationSettings, name: str, place: np.ndarray) -> np.n
     if share == 0:
         return np.full(place.size, mean)
     wave = np.cos(2 * np.pi * (place - getattr(settings, f"{name}_peak")))
-    return mean * (1.0 + share * (np.where(wave > 0, 1.0, -1.0) if settings.variation_shape == "square" else wave))
+    return mean * (
+        1.0
+        + share * (np.where(wave > 0, 1.0, -1.0) if settings.variation_shape == "square" else wave)
+    )

@@ -26,8 +26,12 @@ PathLike = str | os.PathLike[str]
 
 KINDS = {int: "count", bool: "flag", float: "number"}
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-TEMPLATE_KEY = "__use_yte__"  # makes a YAML file a program of the template engine that Snakemake reads it by
-OTHER_NUMBER = re.compile(r"[-+]?0[0-9bx].*|.*[_:].*")  # 012 (octal, 10), 0x1F (31), 1_2 (12), 1:30 (90)
+TEMPLATE_KEY = (
+    "__use_yte__"  # makes a YAML file a program of the template engine that Snakemake reads it by
+)
+OTHER_NUMBER = re.compile(
+    r"[-+]?0[0-9bx].*|.*[_:].*"
+)  # 012 (octal, 10), 0x1F (31), 1_2 (12), 1:30 (90)
 
 
 class ConfigError(ValueError):
@@ -64,16 +68,22 @@ def check(model: type[Options], values: Any, *place: str) -> Any:
         keys.append(context["discriminator"].strip("'"))
     if kind == "extra_forbidden":
         known = [field.alias or key for key, field in owner.model_fields.items()]
-        sentence = f"unknown key {name!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
+        sentence = (
+            f"unknown key {name!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
+        )
     elif kind in ("missing", "union_tag_not_found"):
         sentence = f"the key {keys.pop()!r} is missing"
     elif kind == "union_tag_invalid":
         sentence = f"must be one of {context['expected_tags']}; got {context['tag']!r}"
     elif kind == "string_pattern_mismatch":
         signs = "_ - ." if "." in context["pattern"] else "_ -"
-        sentence = f"must consist of letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
+        sentence = (
+            f"must consist of letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
+        )
     else:
-        sentence = describe_error(fault, owner.unit(name), owner.limits(name)) + _find_remedy(kind, fault["input"])
+        sentence = describe_error(fault, owner.unit(name), owner.limits(name)) + _find_remedy(
+            kind, fault["input"]
+        )
     text = " → ".join((*place, *(keys[:-1] if kind == "extra_forbidden" else keys)))
     raise ConfigError(f"{text}: {sentence.rstrip('.')}.", (*place[1:], *keys))
 
@@ -82,7 +92,11 @@ def _find_remedy(kind: str, value: Any) -> str:
     """What to do about quotes, where YAML reads text as a number or a number as text."""
     if kind == "string_type" and value is not None and not isinstance(value, (list, Mapping)):
         return ": put it in quotes"
-    if kind in ("int_type", "float_type") and isinstance(value, str) and not isinstance(cast_number(value), str):
+    if (
+        kind in ("int_type", "float_type")
+        and isinstance(value, str)
+        and not isinstance(cast_number(value), str)
+    ):
         return ", which is text: write it without quotes, and powers of ten as 1.0e+3; --config takes no numbers"
     return ""
 
@@ -108,7 +122,12 @@ def _locate(model: type[Options], location: Iterable[int | str]) -> tuple[list[s
 def _tags(member: Any) -> list[Any]:
     """Values of the key that tells members of a union apart: the kind of a study, the name of a method."""
     fields = getattr(member, "model_fields", {})
-    return [tag for key in ("kind", "method") if key in fields for tag in get_args(fields[key].annotation)]
+    return [
+        tag
+        for key in ("kind", "method")
+        if key in fields
+        for tag in get_args(fields[key].annotation)
+    ]
 
 
 def check_cases(key: str, names: Iterable[str]) -> None:
@@ -117,12 +136,17 @@ def check_cases(key: str, names: Iterable[str]) -> None:
     for name in names:
         other = first.setdefault(name.lower(), name)
         if other != name:
-            raise ConfigError(f"{key}: {other!r} and {name!r} differ in capitals only, which some file systems ignore.")
+            raise ConfigError(
+                f"{key}: {other!r} and {name!r} differ in capitals only, which some file systems ignore."
+            )
 
 
 def find_kind(annotation: Any) -> str:
     """Kind of the values of a field: count, flag, number or text."""
-    types = {kind if isinstance(kind, type) else type(kind) for kind in get_args(annotation) or (annotation,)}
+    types = {
+        kind if isinstance(kind, type) else type(kind)
+        for kind in get_args(annotation) or (annotation,)
+    }
     return next((word for kind, word in KINDS.items() if kind in types), "text")
 
 
@@ -141,7 +165,9 @@ def expand_path(text: str, place: str) -> Path:
         if not os.environ.get(name):
             example = f"export {name}=/folder/of/your/recordings (a dollar sign in the name of a folder is $$)"
             remedy = f"Set it to the folder, for example: {example}."
-            raise ConfigError(f"{place} is {text}, but the environment variable {name} is not set. {remedy}")
+            raise ConfigError(
+                f"{place} is {text}, but the environment variable {name} is not set. {remedy}"
+            )
     return Path(os.path.expanduser(template.safe_substitute(os.environ)))
 
 
@@ -174,13 +200,21 @@ def _check_keys(path: PathLike, keys: Sequence[yaml.Node]) -> None:
     for key in keys:
         line, kind = key.start_mark.line + 1, key.tag.rpartition(":")[2]
         if kind not in ("str", "merge"):
-            raise ConfigError(f"{path}, line {line}: YAML reads the key {key.value} as {kind}: put it in quotes.")
+            raise ConfigError(
+                f"{path}, line {line}: YAML reads the key {key.value} as {kind}: put it in quotes."
+            )
         if key.value == TEMPLATE_KEY:
-            fault = f"with the key {key.value} Snakemake runs Python code of this file when it reads it"
+            fault = (
+                f"with the key {key.value} Snakemake runs Python code of this file when it reads it"
+            )
             remedy = "leave it out. If the file is from somebody else, look what it ran"
-            raise ConfigError(f"{path}, line {line}: {fault}, before anything can check it: {remedy}.")
+            raise ConfigError(
+                f"{path}, line {line}: {fault}, before anything can check it: {remedy}."
+            )
         if key.value in lines:
-            raise ConfigError(f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too.")
+            raise ConfigError(
+                f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too."
+            )
         lines[key.value] = line
 
 
@@ -189,9 +223,13 @@ def read_text(path: PathLike) -> str:
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: this is not UTF-8 ({error.reason}); save the file as UTF-8.") from None
+        raise ConfigError(
+            f"{path}: this is not UTF-8 ({error.reason}); save the file as UTF-8."
+        ) from None
     except OSError as error:
-        raise ConfigError(f"{path}: the file cannot be read ({error.strerror}); check the path.") from None
+        raise ConfigError(
+            f"{path}: the file cannot be read ({error.strerror}); check the path."
+        ) from None
 
 
 def _parse(path: PathLike, parse: Callable[..., Any]) -> Any:
@@ -210,7 +248,9 @@ def find_key(keys: Sequence[str], paths: Sequence[PathLike]) -> str:
         for depth, key in enumerate(keys, start=1):
             pairs: dict[str, tuple[yaml.Node, yaml.Node]] = {}
             if isinstance(node, yaml.MappingNode):
-                yaml.SafeLoader("").flatten_mapping(node)  # what it takes over by << stands before its own keys
+                yaml.SafeLoader("").flatten_mapping(
+                    node
+                )  # what it takes over by << stands before its own keys
                 pairs = {name.value: (name, value) for name, value in node.value}
             if key not in pairs:
                 break

@@ -34,7 +34,9 @@ class Notebook(NamedTuple):
 # Captions and axes of most of them know settings alone, and no options.
 NOTEBOOKS = {
     "table1": Notebook(("figure3", "order"), ("trials", "settings")),
-    "figure4": Notebook(("figure4", "passes"), ("one setting", "settings", "numbers", "truths", "cascade")),
+    "figure4": Notebook(
+        ("figure4", "passes"), ("one setting", "settings", "numbers", "truths", "cascade")
+    ),
     "passes": Notebook(("passes",), ("one setting", "settings", "numbers", "cascade")),
     "table2": Notebook(("figure5",), ("trials", "settings")),
     "comparison": Notebook(("stiffness", "vaf"), ("estimates", "settings", "numbers")),
@@ -43,13 +45,17 @@ NOTEBOOKS = {
     "efficiency": Notebook(("efficiency",), ("settings", "truths", "delay")),
     "choosing": Notebook(("choosing",), ("one setting", "settings", "numbers", "truths", "select")),
     "obstacles": Notebook(("obstacles",), ("truths",)),
-    "time-varying": Notebook(("errors", "trajectories"), ("estimates", "truths", "variation", "trajectories")),
+    "time-varying": Notebook(
+        ("errors", "trajectories"), ("estimates", "truths", "variation", "trajectories")
+    ),
     "design": Notebook(("design",), ("settings", "truths")),
     "sweep": Notebook(("sweep",)),
     "recordings": Notebook(("group",)),
 }
 
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)]
+Name = Annotated[
+    str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)
+]
 RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME, max_length=MAX_NAME)]
 Names = Annotated[list[str], Field(min_length=1)]
 
@@ -59,19 +65,25 @@ class MethodSettings(Options):
 
     method: str = option(description="identification method")
     label: str | None = option(None, "name in tables and legends; null for the key")
-    options: Options = option(description="options of the method; those left out have their defaults")
+    options: Options = option(
+        description="options of the method; those left out have their defaults"
+    )
     select: dict[str, Annotated[list[Any], Field(min_length=1)]] = option(
-        {}, "options to select on data that were not fitted, each with its candidates from simple to complex"
+        {},
+        "options to select on data that were not fitted, each with its candidates from simple to complex",
     )
     criterion: Literal["instrumental", "cross-validation"] | None = option(
-        None, "criterion of that selection; null for instrumental with a reference, cross-validation without"
+        None,
+        "criterion of that selection; null for instrumental with a reference, cross-validation without",
     )
 
     @model_validator(mode="after")
     def _check_candidates(self) -> Self:
         options = self.options.model_dump(exclude_unset=True)
         try:
-            check_selection(f"method {self.method!r}", type(self.options), options, self.select, self.criterion)
+            check_selection(
+                f"method {self.method!r}", type(self.options), options, self.select, self.criterion
+            )
         except TypeError as error:  # pydantic names the place of a ValueError only
             raise ValueError(str(error)) from None
         return self
@@ -99,8 +111,14 @@ def _union_of_methods() -> Any:
             options.__name__.replace("Options", "Settings"),
             __base__=MethodSettings,
             __doc__=f"A method with {options.__name__}.",
-            method=(Literal[tuple(members)], option(description=fields["method"].description or "")),  # type: ignore[arg-type]
-            options=(options, option(description=fields["options"].description or "", default_factory=options)),
+            method=(
+                Literal[tuple(members)],
+                option(description=fields["method"].description or ""),
+            ),  # type: ignore[arg-type]
+            options=(
+                options,
+                option(description=fields["options"].description or "", default_factory=options),
+            ),
         )
         for options, members in names.items()
     ]
@@ -121,20 +139,25 @@ class SweepSettings(Options):
     """Pictures of a study whose points differ in settings of the simulation or options of methods."""
 
     quantities: Names | None = option(
-        None, "scores (vaf_net_true), parameters (K), errors (K_error), shares of trials (failures); null for a choice"
+        None,
+        "scores (vaf_net_true), parameters (K), errors (K_error), shares of trials (failures); null for a choice",
     )
     methods: Names | None = option(None, "methods that are shown; null for all")
     difference: Annotated[list[str], Field(min_length=2, max_length=2)] | None = option(
-        None, "two methods whose difference (first minus second, trial by trial) is shown as well; null for none"
+        None,
+        "two methods whose difference (first minus second, trial by trial) is shown as well; null for none",
     )
     axes: Names | None = option(
-        None, "varied parameters: one gives lines, two give maps, more a matrix of effects; null for all in their order"
+        None,
+        "varied parameters: one gives lines, two give maps, more a matrix of effects; null for all in their order",
     )
 
     def check(self, varied: Collection[str], methods: Collection[str]) -> None:
         """Refuse pictures of what a study does not have."""
         if not varied:
-            raise ValueError("no setting and no option differs between the points: give points more than one value")
+            raise ValueError(
+                "no setting and no option differs between the points: give points more than one value"
+            )
         _check_list("quantities", self.quantities, "quantity", SWEEP_QUANTITIES)
         _check_list("methods", self.methods, "method", methods)
         _check_list("difference", self.difference, "method", methods)
@@ -155,8 +178,12 @@ class _StudySettings(Options):
 
     kind: str = option(description="source of the trials")
     title: str = option("", "heading of the report; if it is empty, the name of the study")
-    figure: FigureSettings = option(description="what figures of torques show", default_factory=FigureSettings)
-    methods: Methods = option(description="methods by the names that tables and figures use", min_length=1)
+    figure: FigureSettings = option(
+        description="what figures of torques show", default_factory=FigureSettings
+    )
+    methods: Methods = option(
+        description="methods by the names that tables and figures use", min_length=1
+    )
 
     @model_validator(mode="after")
     def _check_methods(self) -> Self:
@@ -164,10 +191,16 @@ class _StudySettings(Options):
         check_cases("methods", self.methods)
         for name, method in self.methods.items():
             if name in METHODS and name != method.method:
-                raise ValueError(f"methods: {name} is the name of another method: choose another name")
-        label, count = Counter(method.label or name for name, method in self.methods.items()).most_common(1)[0]
+                raise ValueError(
+                    f"methods: {name} is the name of another method: choose another name"
+                )
+        label, count = Counter(
+            method.label or name for name, method in self.methods.items()
+        ).most_common(1)[0]
         if count > 1:
-            raise ValueError(f"methods: {count} methods have the label {label!r}; give each one of its own")
+            raise ValueError(
+                f"methods: {count} methods have the label {label!r}; give each one of its own"
+            )
         _check_list("figure: methods", self.figure.methods, "method", self.methods)
         return self
 
@@ -176,34 +209,53 @@ class SimulationStudy(_StudySettings):
     """A study of simulated trials."""
 
     kind: Literal["simulation"] = option(description="source of the trials")
-    notebook: SimulationNotebook | None = option("table1", "notebook that renders the study; null for none")
+    notebook: SimulationNotebook | None = option(
+        "table1", "notebook that renders the study; null for none"
+    )
     trials: int = option(20, "simulated trials at each point", ge=1, le=100000)
-    seed: int = option(description="seed of the study, from which every trial has a stream of its own", ge=0)
-    simulation: SimulationSettings = option(description="settings of every trial", default_factory=SimulationSettings)
+    seed: int = option(
+        description="seed of the study, from which every trial has a stream of its own", ge=0
+    )
+    simulation: SimulationSettings = option(
+        description="settings of every trial", default_factory=SimulationSettings
+    )
     points: Points = option(
         description="settings and options that vary, by name (`METHOD.option` is that of one method): lists or ranges "
         "of values, whose combinations are points; a random design; a table, or a list, of points",
         default_factory=lambda: [{}],
     )
     against: Literal["measured"] | None = option(
-        None, "what estimates are scored against; null for the true torques, measured as if these were unknown"
+        None,
+        "what estimates are scored against; null for the true torques, measured as if these were unknown",
     )
     precision: Literal["single", "double"] = option(
-        "double", "floating-point precision of trials and estimated torques on disk; single takes half the space"
+        "double",
+        "floating-point precision of trials and estimated torques on disk; single takes half the space",
     )
     keep: Literal["everything", "estimates", "scores"] = option(
-        "everything", "what is left on disk: everything, estimates without trials, or scores and parameters alone"
+        "everything",
+        "what is left on disk: everything, estimates without trials, or scores and parameters alone",
     )
     job_minutes: float = option(
-        1.0, "length of a job that is aimed at, from the measured cost of its trials", unit="min", gt=0, le=1e4
+        1.0,
+        "length of a job that is aimed at, from the measured cost of its trials",
+        unit="min",
+        gt=0,
+        le=1e4,
     )
-    trials_per_chunk: int | None = option(None, "trials of one point that share a job, in place of job_minutes", ge=1)
-    sweep: SweepSettings = option(description="what the notebook sweep shows", default_factory=SweepSettings)
+    trials_per_chunk: int | None = option(
+        None, "trials of one point that share a job, in place of job_minutes", ge=1
+    )
+    sweep: SweepSettings = option(
+        description="what the notebook sweep shows", default_factory=SweepSettings
+    )
 
     @model_validator(mode="after")
     def _check_study(self) -> Self:
         if self.figure.trial >= self.trials:
-            raise ValueError(f"figure: trial: there is no trial {self.figure.trial}; the last one is {self.trials - 1}")
+            raise ValueError(
+                f"figure: trial: there is no trial {self.figure.trial}; the last one is {self.trials - 1}"
+            )
         return self
 
 
@@ -211,16 +263,22 @@ class RecordingsStudy(_StudySettings):
     """A study of recordings of a laboratory."""
 
     kind: Literal["recordings"] = option(description="source of the trials")
-    notebook: Literal["recordings"] | None = option("recordings", "notebook that renders the study; null for none")
+    notebook: Literal["recordings"] | None = option(
+        "recordings", "notebook that renders the study; null for none"
+    )
     folder: str = option(".", "folder of the files; ${NAME} stands for an environment variable")
     files: dict[RecordingName, Recording] = option(
-        description="recordings by name; the name appears in the paths of the results", default_factory=dict
+        description="recordings by name; the name appears in the paths of the results",
+        default_factory=dict,
     )
     shared: dict[str, Any] = option(
-        description="values for recordings that do not give their own", alias="defaults", default_factory=dict
+        description="values for recordings that do not give their own",
+        alias="defaults",
+        default_factory=dict,
     )
     table: str | None = option(
-        None, "CSV file with a row for each recording, and its keys and an optional name as columns; null for none"
+        None,
+        "CSV file with a row for each recording, and its keys and an optional name as columns; null for none",
     )
     recordings_per_chunk: int = option(8, "recordings that share a job", ge=1)
 
@@ -230,7 +288,10 @@ class RecordingsStudy(_StudySettings):
         defaults, files = (values.get(name) or {} for name in ("defaults", "files"))
         if not isinstance(defaults, Mapping) or not isinstance(files, Mapping):
             return values
-        complete = {name: {**defaults, **file} if isinstance(file, Mapping) else file for name, file in files.items()}
+        complete = {
+            name: {**defaults, **file} if isinstance(file, Mapping) else file
+            for name, file in files.items()
+        }
         return {**values, "files": complete}
 
 
@@ -239,7 +300,9 @@ def _check_list(key: str, names: Sequence[str] | None, kind: str, known: Collect
     for name, count in Counter(names or ()).items():
         if name not in known:
             close = suggest_name(name, known)
-            raise ValueError(f"{key}: there is no {kind} {name!r}{close}; there are {', '.join(known)}")
+            raise ValueError(
+                f"{key}: there is no {kind} {name!r}{close}; there are {', '.join(known)}"
+            )
         if count > 1:
             raise ValueError(f"{key}: {name!r} is listed twice")
 
@@ -249,9 +312,12 @@ class Config(Options):
 
     run: Names | None = option(None, "names of the studies to make; null for all of them")
     article: list[str] = option(
-        description="studies of the ledger and the article, made where all of these are run", default_factory=list
+        description="studies of the ledger and the article, made where all of these are run",
+        default_factory=list,
     )
-    studies: dict[Name, Annotated[SimulationStudy | RecordingsStudy, Field(discriminator="kind")]] = option(
+    studies: dict[
+        Name, Annotated[SimulationStudy | RecordingsStudy, Field(discriminator="kind")]
+    ] = option(
         description="studies by name; the name appears in the paths of the results", min_length=1
     )
 
@@ -269,7 +335,9 @@ class Config(Options):
     def _check_names(self) -> Self:
         check_cases("studies", self.studies)
         if "economy" in self.studies:
-            raise ValueError("studies: 'economy' has another table, results/tables/economy.csv: give it another name")
+            raise ValueError(
+                "studies: 'economy' has another table, results/tables/economy.csv: give it another name"
+            )
         _check_list("run", self.run, "study", self.studies)
         _check_list("article", self.article, "study", self.studies)
         if self.article_names:
@@ -287,7 +355,10 @@ class Config(Options):
 def schema_text() -> str:
     """The JSON schema of the configuration: every key with its description, unit, default and bounds."""
     schema = json.loads(json.dumps(Config.model_json_schema()), object_hook=_tidy)
-    header = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "ankleloop configuration"}
+    header = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "ankleloop configuration",
+    }
     return json.dumps({**header, **schema}, indent=2, ensure_ascii=False) + "\n"
 
 

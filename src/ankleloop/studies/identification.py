@@ -29,7 +29,9 @@ Points = Mapping[str, Mapping[str, Any]]
 
 def read_trials(path: PathLike, conditions: Points) -> Trials:
     """Trials of a file, those of each condition from `first` to `stop` without it."""
-    return load_rows(path, {condition: (part["first"], part["stop"]) for condition, part in conditions.items()})
+    return load_rows(
+        path, {condition: (part["first"], part["stop"]) for condition, part in conditions.items()}
+    )
 
 
 def identify_trials(
@@ -50,26 +52,40 @@ def identify_trials(
     its trials, and a method whose options are the same at several of them identifies a trial once. `files["estimates"]`
     is optional.
     """
-    estimates = EstimateTable(precision, Path(files["scores"]).parent) if "estimates" in files else None
+    estimates = (
+        EstimateTable(precision, Path(files["scores"]).parent) if "estimates" in files else None
+    )
     varied = {name: TYPES[kind] for name, kind in kinds.items()}
     tables, waiting = [], []
     for condition, number, trial in trials:
         prepared = trial if isinstance(trial, str) else PreparedTrial(trial, validated=True)
-        results: dict[tuple[str, str], tuple[Estimate | None, dict[str, Any]]] = {}  # by method and its options
+        results: dict[
+            tuple[str, str], tuple[Estimate | None, dict[str, Any]]
+        ] = {}  # by method and its options
         for point, part in conditions[condition]["points"].items():
             for name, method in methods.items():
                 options = {**method["options"], **part["options"].get(name, {})}
                 key = (name, repr(options))
                 if key not in results:
-                    with locate_errors(f"study {study}, point {point}, trial {number}, method {name}"):
+                    with locate_errors(
+                        f"study {study}, point {point}, trial {number}, method {name}"
+                    ):
                         results[key] = _identify(prepared, method["method"], options, against)
                 estimate, row = results[key]
                 if "failure" in row:
                     log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
                 if estimate is not None and estimates is not None:
                     estimates.add(estimate, point=point, name=name, number=number)
-                keys = {"study": study, "point": point, **part["values"], "method": name, "trial": number}
-                waiting.append(keys | {_column(column, varied): value for column, value in row.items()})
+                keys = {
+                    "study": study,
+                    "point": point,
+                    **part["values"],
+                    "method": name,
+                    "trial": number,
+                }
+                waiting.append(
+                    keys | {_column(column, varied): value for column, value in row.items()}
+                )
         if len(waiting) >= GROUP_ROWS:
             tables.append(as_table(waiting, varied))
             waiting = []
@@ -96,7 +112,9 @@ def _identify(
     except NUMERICAL_ERRORS as error:
         return None, {"failure": describe_error(error)}
     names = [f"vaf_{torque}_{target}{end}" for torque, target, *_ in scores for end in ("", *ENDS)]
-    return estimate, dict(zip(names, (value for _, _, *row in scores for value in row), strict=True)) | parameters
+    return estimate, dict(
+        zip(names, (value for _, _, *row in scores for value in row), strict=True)
+    ) | parameters
 
 
 def _column(name: str, varied: Collection[str]) -> str:

@@ -16,7 +16,15 @@ from pydantic import Field, model_validator
 
 from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.checking import ConfigError, cast_number, check, expand_path, find_kind, key_error, read_rows
+from ankleloop.studies.checking import (
+    ConfigError,
+    cast_number,
+    check,
+    expand_path,
+    find_kind,
+    key_error,
+    read_rows,
+)
 
 SETTINGS = tuple(SimulationSettings.model_fields)
 SIMULATION = ""  # owner of the settings, beside the methods, which own their options
@@ -26,7 +34,9 @@ WORDS = {"null": None, "true": True, "false": False}  # in tables
 
 Place = tuple[str, ...]
 Methods = Mapping[str, Any]  # `studies.config.MethodSettings` by the names of methods in the study
-Points = tuple[list["Point"], dict[str, dict[str, Any]], dict[str, "Parameter"]]  # and all settings of each condition
+Points = tuple[
+    list["Point"], dict[str, dict[str, Any]], dict[str, "Parameter"]
+]  # and all settings of each condition
 Combination = tuple[str, Mapping[str, Any]]  # where it stands, if in a table, and values by column
 
 
@@ -35,21 +45,30 @@ class _Limits(Options):
 
     start: float = option(description="first value, or lower limit")
     stop: float = option(description="last value, or upper limit")
-    scale: Literal["linear", "logarithmic"] = option("linear", "equal differences, or equal ratios, of neighbours")
+    scale: Literal["linear", "logarithmic"] = option(
+        "linear", "equal differences, or equal ratios, of neighbours"
+    )
 
     @model_validator(mode="after")
     def _check_limits(self) -> Self:
         start, stop = self.start, self.stop
         if stop < start:
-            raise ValueError(f"stop must be at least start ({start:g}), got {stop:g}: values are in ascending order")
+            raise ValueError(
+                f"stop must be at least start ({start:g}), got {stop:g}: values are in ascending order"
+            )
         if self.scale == "logarithmic" and start <= 0:
-            raise ValueError(f"a logarithmic scale begins above 0, got start: {start:g}; a linear one may hold 0")
+            raise ValueError(
+                f"a logarithmic scale begins above 0, got start: {start:g}; a linear one may hold 0"
+            )
         return self
 
     def interpolate(self, shares: Iterable[float], digits: int) -> list[float]:
         """Values at shares of the way from start to stop, rounded."""
         low, high, is_linear = self.start, self.stop, self.scale == "linear"
-        values = (low + (high - low) * share if is_linear else low * (high / low) ** share for share in shares)
+        values = (
+            low + (high - low) * share if is_linear else low * (high / low) ** share
+            for share in shares
+        )
         return [float(f"{value:.{digits}g}") for value in values]
 
 
@@ -82,24 +101,31 @@ class Design(Options):
     """A random design: points that fill the space of several parameters evenly."""
 
     design: Literal["latin-hypercube", "sobol"] = option(description="kind of the design")
-    count: int = option(description="number of points; a power of two for sobol", ge=1, le=MAX_POINTS)
+    count: int = option(
+        description="number of points; a power of two for sobol", ge=1, le=MAX_POINTS
+    )
     seed: int = option(description="seed of the design", ge=0)
     parameters: dict[str, Any] = Field(
-        description="limits (start, stop, scale) of each parameter, or the list of its values", min_length=1
+        description="limits (start, stop, scale) of each parameter, or the list of its values",
+        min_length=1,
     )
 
     @model_validator(mode="after")
     def _check_count(self) -> Self:
         power = 1 << self.count.bit_length() - 1
         if self.design == "sobol" and self.count != power:
-            raise ValueError(f"the count of a Sobol design is a power of two: {power} or {2 * power}, got {self.count}")
+            raise ValueError(
+                f"the count of a Sobol design is a power of two: {power} or {2 * power}, got {self.count}"
+            )
         return self
 
 
 class PointTable(Options):
     """A table of points."""
 
-    table: str = option(description="CSV file with a row for each point and a column for each parameter")
+    table: str = option(
+        description="CSV file with a row for each point and a column for each parameter"
+    )
 
 
 class Parameter(NamedTuple):
@@ -115,8 +141,12 @@ class Point(NamedTuple):
 
     name: str  # its name in tables
     condition: str  # name of its settings alone, by which trials and their seeds are keyed
-    values: dict[str, Any]  # by column; a parameter that only other points name has the value of the study
-    options: dict[str, dict[str, Any]]  # of methods that make it, by the name of the method in the study
+    values: dict[
+        str, Any
+    ]  # by column; a parameter that only other points name has the value of the study
+    options: dict[
+        str, dict[str, Any]
+    ]  # of methods that make it, by the name of the method in the study
 
 
 def point_name(values: Mapping[str, Any]) -> str:
@@ -131,12 +161,16 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
     owners = {SIMULATION: shared, **{name: method.options for name, method in methods.items()}}
     points: dict[tuple[Any, ...], Point] = {}
     conditions: dict[str, dict[str, Any]] = {}
-    checked: dict[tuple[str, str], Options] = {}  # equal settings, and equal options of a method, are checked once
+    checked: dict[
+        tuple[str, str], Options
+    ] = {}  # equal settings, and equal options of a method, are checked once
     for row, given in combinations:
         where = (row,) if row else ("config", *place)
         for name, value in given.items():
             if isinstance(value, (list, Mapping)):
-                fault = f"{name} must be a single value or a text with commas, got {show_value(value)}"
+                fault = (
+                    f"{name} must be a single value or a text with commas, got {show_value(value)}"
+                )
                 raise ConfigError(f"{' → '.join(where)}: {fault}.", place)
         models = {}
         for owner, base in owners.items():
@@ -144,22 +178,35 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
             key = (owner, repr(values))
             if key not in checked:
                 values = base.model_dump(exclude_unset=True) | values
-                checked[key] = check(type(base), values, *where, point_name(given), *filter(None, [owner]))
+                checked[key] = check(
+                    type(base), values, *where, point_name(given), *filter(None, [owner])
+                )
             models[owner] = checked[key]
-        complete = {name: _find_value(parameter, models, given.get(name)) for name, parameter in parameters.items()}
+        complete = {
+            name: _find_value(parameter, models, given.get(name))
+            for name, parameter in parameters.items()
+        }
         made = {name: complete[name] for name in given}
         settings, *options = (_values_of(owner, parameters, made) for owner in owners)
         chosen = {name: values for name, values in zip(methods, options, strict=True) if values}
         point = Point(point_name(made), point_name(settings), complete, chosen)
         if points.setdefault(tuple(complete.values()), point) is not point:
-            raise ConfigError(f"{' → '.join(where)}: the point {point.name} is listed twice.", place)
+            raise ConfigError(
+                f"{' → '.join(where)}: the point {point.name} is listed twice.", place
+            )
         conditions.setdefault(point.condition, {**dict(shared), **settings})
     return list(points.values()), conditions, parameters
 
 
-def _values_of(owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]) -> dict[str, Any]:
+def _values_of(
+    owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]
+) -> dict[str, Any]:
     """Values of a point that belong to an owner, by their names there."""
-    return {parameters[name].field: value for name, value in values.items() if owner in parameters[name].owners}
+    return {
+        parameters[name].field: value
+        for name, value in values.items()
+        if owner in parameters[name].owners
+    }
 
 
 def _find_value(parameter: Parameter, models: Mapping[str, Options], given: Any) -> Any:
@@ -181,7 +228,8 @@ def _list_combinations(
             raise key_error(place, f"the table {table} has no rows.")
         parameters = find_parameters(place, rows[0][1], methods)
         return parameters, [
-            (row, {name: _cast(parameters[name], cells[name]) for name in cells}) for row, cells in rows
+            (row, {name: _cast(parameters[name], cells[name]) for name in cells})
+            for row, cells in rows
         ]
     if isinstance(entry, Mapping) and "design" in entry:
         design: Design = check(Design, entry, "config", *place)
@@ -189,13 +237,26 @@ def _list_combinations(
         return parameters, _draw_points(design, parameters, (*place, "parameters"))
     if isinstance(entry, Mapping):
         parameters = find_parameters(place, entry, methods)
-        lists = [_list_values(parameters[name], values, (*place, name)) for name, values in entry.items()]
+        lists = [
+            _list_values(parameters[name], values, (*place, name)) for name, values in entry.items()
+        ]
         count = math.prod(map(len, lists))
         if count > MAX_POINTS:
-            raise key_error(place, f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies.")
-        return parameters, (("", dict(zip(entry, row, strict=True))) for row in itertools.product(*lists))
-    if not isinstance(entry, list) or not entry or not all(isinstance(point, Mapping) for point in entry):
-        raise key_error(place, "must be lists of values by setting, or a list of points with their settings.")
+            raise key_error(
+                place,
+                f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies.",
+            )
+        return parameters, (
+            ("", dict(zip(entry, row, strict=True))) for row in itertools.product(*lists)
+        )
+    if (
+        not isinstance(entry, list)
+        or not entry
+        or not all(isinstance(point, Mapping) for point in entry)
+    ):
+        raise key_error(
+            place, "must be lists of values by setting, or a list of points with their settings."
+        )
     names = dict.fromkeys(name for point in entry for name in point)
     return find_parameters(place, names, methods), [("", point) for point in entry]
 
@@ -207,7 +268,9 @@ def _cast(parameter: Parameter, value: str) -> Any:
     return WORDS.get(value.lower(), cast_number(value))
 
 
-def _draw_points(design: Design, parameters: Mapping[str, Parameter], place: Place) -> list[Combination]:
+def _draw_points(
+    design: Design, parameters: Mapping[str, Parameter], place: Place
+) -> list[Combination]:
     """Points of a random design."""
     from scipy.stats import qmc
 
@@ -225,14 +288,26 @@ def _list_values(
 ) -> Sequence[Any]:
     """Values of a parameter of a grid; of a design those at shares of the way from the first to the last one."""
     is_count, is_list = parameter.kind == "count", isinstance(values, list) and bool(values)
-    if not is_list and (not isinstance(values, Mapping) or parameter.kind not in ("number", "count")):
+    if not is_list and (
+        not isinstance(values, Mapping) or parameter.kind not in ("number", "count")
+    ):
         form = "a list of values, or of numbers a range (start, stop)"
         raise key_error(place, f"must be {form}, got {show_value(values)}.")
-    limits = values if is_list else check(ValueRange if shares is None else _Limits, values, "config", *place)
+    limits = (
+        values
+        if is_list
+        else check(ValueRange if shares is None else _Limits, values, "config", *place)
+    )
     if shares is None:
         # A count need not hit whole numbers; a step that does not is a mistake, which the model of the option refuses.
-        return values if is_list else [round(v) if is_count and limits.count else v for v in limits.values]
-    if not is_list and is_count and limits.scale == "linear":  # each whole number has the same share
+        return (
+            values
+            if is_list
+            else [round(v) if is_count and limits.count else v for v in limits.values]
+        )
+    if (
+        not is_list and is_count and limits.scale == "linear"
+    ):  # each whole number has the same share
         is_list, values = True, range(math.ceil(limits.start), math.floor(limits.stop) + 1)
     if is_list:
         return [values[int(share * len(values))] for share in shares]
@@ -251,20 +326,31 @@ def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> dic
     names_of: dict[tuple[str, str], str] = {}
     for name in names:
         chosen, _, field = name.rpartition(".")
-        owners = [method for method in methods if chosen in ("", method) and field in fields[method]]
+        owners = [
+            method for method in methods if chosen in ("", method) and field in fields[method]
+        ]
         owners = [SIMULATION] if name in SETTINGS else owners
         if not owners:
             options = dict.fromkeys(option for method in methods for option in fields[method])
-            known = [*SETTINGS, *options, *(f"{method}.{option}" for method in methods for option in fields[method])]
+            known = [
+                *SETTINGS,
+                *options,
+                *(f"{method}.{option}" for method in methods for option in fields[method]),
+            ]
             fault = f"{name!r} is not a setting of the simulation{suggest_name(name, known)}"
             fault += f"; known: {', '.join(SETTINGS)}; nor an option of a method of the study"
             raise key_error(place, f"{fault}; known: {', '.join(options)}.")
         for owner in owners:
             other = names_of.setdefault((owner, field), name)
             if other != name:
-                raise key_error(place, f"{other} and {name} are the same option of the method {owner}: leave one out.")
+                raise key_error(
+                    place,
+                    f"{other} and {name} are the same option of the method {owner}: leave one out.",
+                )
             settings = methods.get(owner)
-            if settings and (field in settings.options.model_fields_set or field in settings.select):
+            if settings and (
+                field in settings.options.model_fields_set or field in settings.select
+            ):
                 message = f"the method {owner} has {field} under options or select as well: leave it out there."
                 raise key_error((*place, name), message)
         parameters[name] = Parameter(field, owners, find_kind(fields[owners[0]][field].annotation))

@@ -30,7 +30,12 @@ Mappings = Mapping[str, Mapping[str, Any]]  # by the names of recordings, or the
 
 
 def analyse_recordings(
-    points: Mappings, methods: Mappings, folder: Path, window: Mapping[str, Any], *, index: str | None = None
+    points: Mappings,
+    methods: Mappings,
+    folder: Path,
+    window: Mapping[str, Any],
+    *,
+    index: str | None = None,
 ) -> Iterator[tuple[str, pd.DataFrame]]:
     """Analyse recordings one after the other, and write their pages and estimates; name and table of each.
 
@@ -63,7 +68,12 @@ def _end_with_parent() -> None:
 
 
 def _analyse(
-    name: str, mapping: Mapping[str, Any], methods: Mappings, folder: Path, window: Mapping[str, Any], index: str | None
+    name: str,
+    mapping: Mapping[str, Any],
+    methods: Mappings,
+    folder: Path,
+    window: Mapping[str, Any],
+    index: str | None,
 ) -> pd.DataFrame:
     """Table of a recording; its page and its estimates are written."""
     keys = {method["label"] or key: key for key, method in methods.items()}

@@ -21,7 +21,8 @@ LIBRARY = Path(__file__).parents[2]
 # Regular expressions, because the syntax trees of a hundred modules would take longer than Snakemake's own start. They
 # also find what looks like an import in a text: then a job runs once more than it has to, and none is missed.
 IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n;]*)|import[ \t]+([^\n;]*))", re.MULTILINE
+    r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n;]*)|import[ \t]+([^\n;]*))",
+    re.MULTILINE,
 )
 
 MEASURED = Path(__file__).with_name("resources.json")
@@ -33,8 +34,12 @@ SPARE_MINUTES = 10  # for a file system that is slow, and for compiling the kern
 _SECONDS: dict[str, float] = json.loads(MEASURED.read_text(encoding="utf-8"))["seconds"]
 # Time of the processor in which a job imports its modules and loads its compiled code [s].
 START_SECONDS = _SECONDS["start"]
-RECORDING_SECONDS = _SECONDS["recording"]  # for the analysis and the page of a recording of a laboratory [s]
-SLOWEST = max((name for name in _SECONDS if name.endswith("sample")), key=_SECONDS.__getitem__).removesuffix(" sample")
+RECORDING_SECONDS = _SECONDS[
+    "recording"
+]  # for the analysis and the page of a recording of a laboratory [s]
+SLOWEST = max(
+    (name for name in _SECONDS if name.endswith("sample")), key=_SECONDS.__getitem__
+).removesuffix(" sample")
 
 
 def fingerprint(*scripts: str | os.PathLike[str]) -> str:
@@ -58,7 +63,11 @@ def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
         modules.add(path)
         remaining |= _parse(path) - modules
     folders = {folder for path in modules for folder in path.parent.iterdir() if folder.is_dir()}
-    data = [folder for folder in folders if folder.name != "__pycache__" and not any(folder.rglob("*.py"))]
+    data = [
+        folder
+        for folder in folders
+        if folder.name != "__pycache__" and not any(folder.rglob("*.py"))
+    ]
     return modules | {file for folder in data for file in folder.rglob("*") if file.is_file()}
 
 
@@ -85,7 +94,9 @@ def _parse(path: Path) -> frozenset[Path]:
 
 def _find_files(name: str) -> Iterable[Path]:
     """File of a module, or the __init__ of a package; other names have none."""
-    if name == "ankleloop":  # it imports its modules when their names are first used, which its source does not show
+    if (
+        name == "ankleloop"
+    ):  # it imports its modules when their names are first used, which its source does not show
         return (LIBRARY / name).rglob("*.py")
     if not name.startswith("ankleloop."):
         return ()
@@ -105,7 +116,9 @@ def identification_seconds(
     seconds = _SECONDS["prepared trial"] + _SECONDS["prepared sample"] * samples
     for entry in methods:
         name, options = entry["method"], entry.get("options", {})
-        if name == "riv" and options.get("delay", 0.0) is None:  # without its delay riv searches one
+        if (
+            name == "riv" and options.get("delay", 0.0) is None
+        ):  # without its delay riv searches one
             name = "riv-delay"
         if f"{name} trial" not in _SECONDS:
             name = SLOWEST

@@ -19,7 +19,12 @@ from ankleloop.studies.checking import check, check_cases, expand_path, key_erro
 from ankleloop.studies.config import NOTEBOOKS, Config, RecordingsStudy, SimulationStudy
 from ankleloop.studies.points import Point, list_points
 from ankleloop.studies.recording_settings import read_recordings
-from ankleloop.studies.resources import RECORDING_SECONDS, START_SECONDS, identification_seconds, simulation_seconds
+from ankleloop.studies.resources import (
+    RECORDING_SECONDS,
+    START_SECONDS,
+    identification_seconds,
+    simulation_seconds,
+)
 
 MAX_SAMPLES = 2**25  # of all trials of a trial file, about, which then has 2 GB
 
@@ -40,16 +45,22 @@ class Study:
     """A study under its name."""
 
     varied: Sequence[str] = ()  # names of the columns that differ between the points
-    points: Mapping[str, Mapping[str, Any]]  # settings of each point, or mapping of each recording, by name
+    points: Mapping[
+        str, Mapping[str, Any]
+    ]  # settings of each point, or mapping of each recording, by name
     chunks: Sequence[Any]
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name, self.settings, self.methods = name, settings, settings.methods
         words = re.sub("[_-]+", " ", name).strip()
         self.title: str = settings.title or words[:1].upper() + words[1:]  # heading of its report
-        self.labels = {name: method.label or name for name, method in self.methods.items()}  # for legends
+        self.labels = {
+            name: method.label or name for name, method in self.methods.items()
+        }  # for legends
         names = NOTEBOOKS[settings.notebook].figures if settings.notebook else ()
-        has_singular_values = any(method.method.endswith("moesp") for method in self.methods.values())
+        has_singular_values = any(
+            method.method.endswith("moesp") for method in self.methods.values()
+        )
         self.figures = tuple(name for name in names if name != "order" or has_singular_values)
 
 
@@ -68,11 +79,18 @@ class SimulatedStudy(Study):
         points = list_points(name, settings.points, settings.simulation, settings.methods)
         self.point_list, self.conditions, self.parameters = points
         conditions = self.conditions.items()
-        self._samples = {name: round(part["duration"] * part["recording_rate"]) for name, part in conditions}
+        self._samples = {
+            name: round(part["duration"] * part["recording_rate"]) for name, part in conditions
+        }
         self.varied = list(self.parameters)
         # All settings and varied options of each point.
-        self.points = {point.name: {**self.conditions[point.condition], **point.values} for point in self.point_list}
-        self.rows = len(self.point_list) * len(settings.methods) * settings.trials  # of the table of its trials
+        self.points = {
+            point.name: {**self.conditions[point.condition], **point.values}
+            for point in self.point_list
+        }
+        self.rows = (
+            len(self.point_list) * len(settings.methods) * settings.trials
+        )  # of the table of its trials
         self._points_of: dict[str, list[Point]] = {condition: [] for condition in self.conditions}
         for point in self.point_list:
             self._points_of[point.condition].append(point)
@@ -87,11 +105,15 @@ class SimulatedStudy(Study):
         if settings.keep == "everything":
             self.trial_chunks = [chunk for _, chunk in self._divide(parts, self._simulation_cost)]
             ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
-            parts = [(number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk]
+            parts = [
+                (number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk
+            ]
             parts.sort(key=lambda row: (ranks[row[1].condition], row[1].first))
         divided = self._divide(parts, self._cost)
         self.chunks: list[Chunk] = [chunk for _, chunk in divided]
-        self.trial_chunk_numbers = [label for label, _ in divided]  # of the trial file that holds each chunk
+        self.trial_chunk_numbers = [
+            label for label, _ in divided
+        ]  # of the trial file that holds each chunk
 
     def simulation(self, parts: Chunk) -> dict[str, Any]:
         """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
@@ -105,7 +127,10 @@ class SimulatedStudy(Study):
         """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
         conditions, parts = {}, self.chunks[chunk]
         for condition, first, stop in parts:
-            points = {p.name: {"values": p.values, "options": p.options} for p in self._points_of[condition]}
+            points = {
+                p.name: {"values": p.values, "options": p.options}
+                for p in self._points_of[condition]
+            }
             conditions[condition] = {"first": first, "stop": stop, "points": points}
         arguments = {
             "conditions": conditions,
@@ -127,18 +152,29 @@ class SimulatedStudy(Study):
 
     def simulation_seconds(self, parts: Chunk) -> float:
         """Time of a job that simulates a chunk [s]."""
-        return START_SECONDS + sum((stop - first) * simulation_seconds(self._samples[c]) for c, first, stop in parts)
+        return START_SECONDS + sum(
+            (stop - first) * simulation_seconds(self._samples[c]) for c, first, stop in parts
+        )
 
     def identification_seconds(self, parts: Chunk) -> float:
         """Time of a job that identifies a chunk, and simulates it where no trials are kept [s]."""
-        return START_SECONDS + sum((stop - first) * self._cost(condition) for condition, first, stop in parts)
+        return START_SECONDS + sum(
+            (stop - first) * self._cost(condition) for condition, first, stop in parts
+        )
 
     def _list_trials(self) -> Parts:
         """All trials of each condition, with what those of a file share: length, rate and variables."""
         parts: Parts = []
         for condition, settings in self.conditions.items():
-            follows_cycle = any(settings[name] for name in ("movement", "locked_torque", "perturbation_locked"))
-            label = (settings["duration"], settings["recording_rate"], settings["variation"], follows_cycle)
+            follows_cycle = any(
+                settings[name] for name in ("movement", "locked_torque", "perturbation_locked")
+            )
+            label = (
+                settings["duration"],
+                settings["recording_rate"],
+                settings["variation"],
+                follows_cycle,
+            )
             trials = PointTrials(condition, 0, self.settings.trials)
             parts.append((None if self.settings.keep == "scores" else label, trials))
         return parts
@@ -155,9 +191,16 @@ class SimulatedStudy(Study):
         other chunks.
         """
         points, samples = self._points_of[condition], self._samples[condition]
-        counts = {name: len({tuple(p.options.get(name, {}).items()) for p in points}) for name in self.methods}
-        methods = [self.identified_methods[name] for name, count in counts.items() for _ in range(count)]
-        cost = identification_seconds(samples, methods, self.conditions[condition]["recording_rate"])
+        counts = {
+            name: len({tuple(p.options.get(name, {}).items()) for p in points})
+            for name in self.methods
+        }
+        methods = [
+            self.identified_methods[name] for name, count in counts.items() for _ in range(count)
+        ]
+        cost = identification_seconds(
+            samples, methods, self.conditions[condition]["recording_rate"]
+        )
         return cost + simulation_seconds(samples) * (self.settings.keep != "everything")
 
     def _chunk_size(self, seconds: float) -> tuple[int, int]:
@@ -178,7 +221,9 @@ class SimulatedStudy(Study):
             trials, conditions = self._chunk_size(seconds(part.condition))
             if trials < part.stop - part.first:
                 for first in range(part.first, part.stop, trials):
-                    chunks.append((label, [part._replace(first=first, stop=min(first + trials, part.stop))]))
+                    chunks.append(
+                        (label, [part._replace(first=first, stop=min(first + trials, part.stop))])
+                    )
             else:
                 key = (label, trials, conditions)
                 if len(last.get(key, ())) in (0, conditions):
@@ -220,7 +265,10 @@ class RecordedStudy(Study):
             path = expand_path(settings.table, f"study {self.name}: the table of its recordings")
             for name, parts in read_recordings(path, settings.shared).items():
                 if name in recordings:
-                    raise key_error(place, f"the recording {name!r} is under files and in the table {settings.table}.")
+                    raise key_error(
+                        place,
+                        f"the recording {name!r} is under files and in the table {settings.table}.",
+                    )
                 recordings[name] = parts
         if not recordings:
             raise key_error(place, "name its recordings under files, or a table that lists them.")
@@ -268,6 +316,8 @@ def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
     for name, settings in checked.studies.items():
         if isinstance(settings, RecordingsStudy):
             studies[name] = RecordedStudy(name, settings)
-        elif name in checked.run_names or not (isinstance(settings.points, Mapping) and "table" in settings.points):
+        elif name in checked.run_names or not (
+            isinstance(settings.points, Mapping) and "table" in settings.points
+        ):
             studies[name] = SimulatedStudy(name, settings)
     return checked, studies

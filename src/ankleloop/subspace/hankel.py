@@ -48,7 +48,9 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
            [2., 3., 4.]])
     """
     sizes = {"rows": rows, "columns": columns, "first": first}
-    rows, columns, first = (check_integer("block_hankel", name, size) for name, size in sizes.items())
+    rows, columns, first = (
+        check_integer("block_hankel", name, size) for name, size in sizes.items()
+    )
     x = np.asarray(x, dtype=float)
     x = x[:, None] if x.ndim == 1 else x
     if min(rows, columns) < 1 or first < 0 or first + rows + columns - 1 > x.shape[0]:
@@ -57,11 +59,15 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
             f"sample {first}: use a longer record or fewer block rows."
         )
     # Column-major, so that its transpose goes into least squares without a copy.
-    windows = np.lib.stride_tricks.sliding_window_view(x[first : first + rows + columns - 1], rows, axis=0)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        x[first : first + rows + columns - 1], rows, axis=0
+    )
     return windows.transpose(0, 2, 1).reshape(columns, rows * x.shape[1]).T
 
 
-def generate_columns(chunks: Iterable[np.ndarray], window: int, rows: np.ndarray) -> Iterator[np.ndarray]:
+def generate_columns(
+    chunks: Iterable[np.ndarray], window: int, rows: np.ndarray
+) -> Iterator[np.ndarray]:
     """Columns of some rows of the Hankel matrix of a record that comes in chunks, some columns at a time.
 
     Shapes: chunks (N, m), rows (k,); returns (columns, k).
@@ -80,7 +86,11 @@ def generate_columns(chunks: Iterable[np.ndarray], window: int, rows: np.ndarray
 
 
 def hankel_gram(
-    chunks: Iterable[np.ndarray], window: int, lags: np.ndarray | None = None, *, subtract_means: bool = True
+    chunks: Iterable[np.ndarray],
+    window: int,
+    lags: np.ndarray | None = None,
+    *,
+    subtract_means: bool = True,
 ) -> np.ndarray:
     r"""Gram matrix H Hᵀ of the Hankel matrix of a record that comes in chunks, each row less its mean.
 
@@ -107,7 +117,9 @@ def hankel_gram(
         if count and not columns:
             head = x[: window - 1].copy()
         tail, columns = x[count:].copy(), columns + count
-        sums = sums + np.einsum("tc->c", x[:count])  # a fourth of the time of sum over a few channels
+        sums = sums + np.einsum(
+            "tc->c", x[:count]
+        )  # a fourth of the time of sum over a few channels
         reach = np.full(x.shape[1], window) if lags is None else lags
         products = products + _sum_lagged_products(np.ascontiguousarray(x), count, reach, window)
     if not columns:

@@ -22,13 +22,20 @@ class InputMatrices(NamedTuple):
 
     B: np.ndarray  # shape (n, m)
     D: np.ndarray  # shape (p, m)
-    initial_state: np.ndarray  # shape (n,), of merged records (records, n): state at the first sample
+    initial_state: (
+        np.ndarray
+    )  # shape (n,), of merged records (records, n): state at the first sample
     rank: int  # rank of the regression
     condition: float  # its condition
 
 
 def simulate_response(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, u: np.ndarray, x0: ArrayLike | None = None
+    A: np.ndarray,
+    B: np.ndarray,
+    C: np.ndarray,
+    D: np.ndarray,
+    u: np.ndarray,
+    x0: ArrayLike | None = None,
 ) -> np.ndarray:
     """Output of a state-space model.
 
@@ -57,9 +64,15 @@ def simulate_response(
     array([0. , 1. , 0.5])
     """
     x0 = np.zeros(A.shape[0]) if x0 is None else np.asarray(x0, dtype=float)
-    if x0.shape != A.shape[:1] or A.shape != (B.shape[0],) * 2:  # compiled code does not check its indices
-        raise ValueError(f"A {A.shape}, B {B.shape} and x0 {x0.shape} must have one number of states.")
-    A, B, drive = (np.ascontiguousarray(x, dtype=float) for x in (A, B, u))  # one type, for which it is compiled
+    if (
+        x0.shape != A.shape[:1] or A.shape != (B.shape[0],) * 2
+    ):  # compiled code does not check its indices
+        raise ValueError(
+            f"A {A.shape}, B {B.shape} and x0 {x0.shape} must have one number of states."
+        )
+    A, B, drive = (
+        np.ascontiguousarray(x, dtype=float) for x in (A, B, u)
+    )  # one type, for which it is compiled
     states, _ = simulate_states(A, B, drive, x0)
     return states @ C.T + u @ D.T
 
@@ -73,10 +86,21 @@ class OutputRegression:
     """
 
     def __init__(
-        self, A: np.ndarray, C: np.ndarray, inputs: int, dynamic: ArrayLike | None, records: int, *, offsets: bool
+        self,
+        A: np.ndarray,
+        C: np.ndarray,
+        inputs: int,
+        dynamic: ArrayLike | None,
+        records: int,
+        *,
+        offsets: bool,
     ) -> None:
-        flags = np.ones(inputs, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=object)
-        if flags.shape != (inputs,) or not all(isinstance(flag, (bool, np.bool_)) for flag in flags):
+        flags = (
+            np.ones(inputs, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=object)
+        )
+        if flags.shape != (inputs,) or not all(
+            isinstance(flag, (bool, np.bool_)) for flag in flags
+        ):
             raise ValueError(
                 f"dynamic must be {inputs} flags, True or False for each input, got {show_value(dynamic)}."
             )
@@ -108,13 +132,18 @@ class OutputRegression:
             for i, row in enumerate(self.C):
                 rows[i:d_end:p, :, i] = u.T
                 for j, (block, drive) in enumerate(zip(blocks, drives, strict=True)):
-                    response, states[i, j] = simulate_states(transposed, row[:, None], drive, states[i, j])
+                    response, states[i, j] = simulate_states(
+                        transposed, row[:, None], drive, states[i, j]
+                    )
                     rows[d_end + block * n :][:n, :, i] = response.T
                 rows[offset + i, :, i] = self.offsets
             yield rows.reshape(len(rows), -1).T
 
     def solve(
-        self, records: Iterable[Iterable[np.ndarray]], predicted: Sequence[np.ndarray] | None, rank_tolerance: float
+        self,
+        records: Iterable[Iterable[np.ndarray]],
+        predicted: Sequence[np.ndarray] | None,
+        rank_tolerance: float,
     ) -> InputMatrices:
         r"""Least squares by a triangular factor of the regressors, or with instruments.
 
@@ -125,7 +154,12 @@ class OutputRegression:
         Shapes: records (N, m + p), predicted (N, m): then each record must be in one chunk.
         """
         (p, n), m, size = self.C.shape, self.inputs, self.edges[-1] + 1
-        factor, products, squares, samples = np.zeros((size, size), order="F"), np.zeros((size - 1, size)), 0.0, 0
+        factor, products, squares, samples = (
+            np.zeros((size, size), order="F"),
+            np.zeros((size - 1, size)),
+            0.0,
+            0,
+        )
         for number, record in enumerate(records):
             for rows in self.generate(record, number):
                 samples += len(rows)
@@ -135,12 +169,16 @@ class OutputRegression:
                     products, squares = products + psi.T @ rows, squares + np.sum(psi**2, axis=0)
                 factor = update_factor(factor, rows)
         if samples < size - 1:
-            raise DataError(f"{samples} samples cannot determine {size - 1} entries of B, D, x0: record longer.")
+            raise DataError(
+                f"{samples} samples cannot determine {size - 1} entries of B, D, x0: record longer."
+            )
         scale = np.linalg.norm(factor[:, :-1], axis=0)
         scale[scale == 0.0] = 1.0
         if predicted is not None:
             factor[:-1] = products / np.where(squares > 0.0, np.sqrt(squares), 1.0)[:, None]
-        theta, _, rank, values = np.linalg.lstsq(factor[:-1, :-1] / scale, factor[:-1, -1], rcond=rank_tolerance)
+        theta, _, rank, values = np.linalg.lstsq(
+            factor[:-1, :-1] / scale, factor[:-1, -1], rcond=rank_tolerance
+        )
         direct, dynamic, states, _ = np.split(theta / scale, self.edges[:-1])
         B = np.zeros((n, m))
         B[:, self.dynamic] = dynamic.reshape(-1, n).T

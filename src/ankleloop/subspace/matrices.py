@@ -32,9 +32,13 @@ class Matrices:
 
         Shapes: inputs (m,), of flags.
         """
-        names = None if self.names is None else (tuple(compress(self.names[0], inputs)), self.names[1])
+        names = (
+            None if self.names is None else (tuple(compress(self.names[0], inputs)), self.names[1])
+        )
         delays = None if self.input_delays is None else tuple(compress(self.input_delays, inputs))
-        return Matrices(self.A, self.B[:, inputs], self.C, self.D[:, inputs], self.dt, names, delays)
+        return Matrices(
+            self.A, self.B[:, inputs], self.C, self.D[:, inputs], self.dt, names, delays
+        )
 
     def frequency_response(self, z: np.ndarray) -> np.ndarray:
         """Response of the first output to each input.
@@ -48,8 +52,12 @@ class Matrices:
 
     def state_space(self) -> StateSpace:
         """The model as an object that simulates, plots and connects."""
-        from control import StateSpace  # here, because importing it takes longer than an identification
+        from control import (
+            StateSpace,
+        )  # here, because importing it takes longer than an identification
 
         inputs, outputs = self.names if self.names is not None else (None, None)
         matrices = (self.A, self.B, self.C, self.D)
-        return StateSpace(*matrices, self.dt, inputs=inputs, outputs=outputs, remove_useless_states=False)
+        return StateSpace(
+            *matrices, self.dt, inputs=inputs, outputs=outputs, remove_useless_states=False
+        )

@@ -18,7 +18,13 @@ from ankleloop.errors import DataError
 from ankleloop.options import check_memory, show_fields, show_value
 from ankleloop.subspace.input_matrices import OutputRegression
 from ankleloop.subspace.matrices import Matrices
-from ankleloop.subspace.projection import choose_order, project_correlation, project_factor, project_gram, realise
+from ankleloop.subspace.projection import (
+    choose_order,
+    project_correlation,
+    project_factor,
+    project_gram,
+    realise,
+)
 from ankleloop.subspace.sources import (
     Chunk,
     ChunkSource,
@@ -148,9 +154,16 @@ def moesp(
     >>> bool(abs(estimate.model.poles()[0] - 0.8) < 1e-9)
     True
     """
-    positional = {"block_rows": block_rows, "order": order, "instruments": instruments, "projection": projection}
+    positional = {
+        "block_rows": block_rows,
+        "order": order,
+        "instruments": instruments,
+        "projection": projection,
+    }
     all_options = MemoryOptions.parse("moesp", **positional, dt=dt, **options)
-    return _identify(MemorySource(u, y, reference, predicted_inputs, all_options), dynamic, all_options)
+    return _identify(
+        MemorySource(u, y, reference, predicted_inputs, all_options), dynamic, all_options
+    )
 
 
 @show_fields(SubspaceOptions)
@@ -200,22 +213,38 @@ def moesp_chunks(
     >>> bool(abs(estimate.model.poles()[0] - 0.8) < 1e-9)
     True
     """
-    positional = {"block_rows": block_rows, "order": order, "instruments": instruments, "projection": projection}
+    positional = {
+        "block_rows": block_rows,
+        "order": order,
+        "instruments": instruments,
+        "projection": projection,
+    }
     all_options = SubspaceOptions.parse("moesp_chunks", **positional, dt=dt, **options)
     return _identify(ChunkSource(chunks, all_options), dynamic, all_options)
 
 
-def _identify(source: Source, dynamic: ArrayLike | None, options: SubspaceOptions) -> SubspaceEstimate:
+def _identify(
+    source: Source, dynamic: ArrayLike | None, options: SubspaceOptions
+) -> SubspaceEstimate:
     """The body of the family: project the Hankel rows, realise A and C, estimate B and D."""
     m, p, _ = source.sizes
     for kind, group, size in zip(("inputs", "outputs"), options.names or (), (m, p), strict=False):
         if len(group) != size:
-            raise ValueError(f"names must have {size} names of {kind}, got {show_value(list(group))}.")
+            raise ValueError(
+                f"names must have {size} names of {kind}, got {show_value(list(group))}."
+            )
     rows = select_rows(options, source.sizes, open_loop=source.open_loop)
     # The Gram matrix, a copy in the order of the projection, and its eigenvectors.
-    check_memory("moesp", 3 * 8.0 * rows.indices.size**2, "use fewer block_rows, instrument_rows or instrument_leads")
+    check_memory(
+        "moesp",
+        3 * 8.0 * rows.indices.size**2,
+        "use fewer block_rows, instrument_rows or instrument_leads",
+    )
     gram = source.compute_gram(rows)
-    columns, size = sum(max(0, length - rows.window + 1) for length in source.lengths), rows.indices.size
+    columns, size = (
+        sum(max(0, length - rows.window + 1) for length in source.lengths),
+        rows.indices.size,
+    )
     if columns < size:
         raise DataError(
             f"the record of {' + '.join(map(str, source.lengths))} samples is shorter than its Hankel window: "
@@ -230,12 +259,18 @@ def _identify(source: Source, dynamic: ArrayLike | None, options: SubspaceOption
         compression = "gram" if squares else "qr"
         projection = squares or project_factor(source.factor_rows(rows), *arguments)
     largest = (options.block_rows - 1) // 2
-    order = choose_order(projection.singular_values, largest) if options.order is None else options.order
+    order = (
+        choose_order(projection.singular_values, largest)
+        if options.order is None
+        else options.order
+    )
     A, C, poles, unstable_radius = realise(projection.observability, p, order)
     regression = OutputRegression(A, C, m, dynamic, len(source.lengths), offsets=source.offsets)
     inputs = regression.solve(source.records, source.predicted, options.regression_tolerance)
     u_scale, y_scale = source.scale[:m], source.scale[m : m + p, None]
-    matrices = Matrices(A, inputs.B / u_scale, y_scale * C, y_scale * inputs.D / u_scale, options.dt, options.names)
+    matrices = Matrices(
+        A, inputs.B / u_scale, y_scale * C, y_scale * inputs.D / u_scale, options.dt, options.names
+    )
     stable = unstable_radius is None
     diagnostics = {
         "order": order,

@@ -35,7 +35,9 @@ class Projection:
 
     # Shape (block_rows * p, k): left singular vectors: the first n span the extended observability matrix.
     observability: np.ndarray
-    singular_values: np.ndarray  # shape (k,): they show the order; a root mean square, or a correlation
+    singular_values: (
+        np.ndarray
+    )  # shape (k,): they show the order; a root mean square, or a correlation
     input_rank: int  # directions of the inputs that count by the rank policy
     instrument_rank: int  # directions of the instruments that count by the rank policy
     condition: float  # ratio of the largest to the smallest singular value of the input directions that count
@@ -63,20 +65,30 @@ def project_gram(
     output_size = np.sum((directions @ components[:, z:]) ** 2) + len(gram) - m - z
     if z == 0:
         values, vectors = np.linalg.eigh(residual)
-        if not MARGIN * ROUNDING * largest * output_size <= min(ACCURACY * values[-order], values[0]):
+        if not MARGIN * ROUNDING * largest * output_size <= min(
+            ACCURACY * values[-order], values[0]
+        ):
             return None
-        return Projection(vectors[:, ::-1], np.sqrt(values[::-1] / columns), directions.shape[1], 0, condition)
+        return Projection(
+            vectors[:, ::-1], np.sqrt(values[::-1] / columns), directions.shape[1], 0, condition
+        )
     tolerance = max(rank_tolerance, LEAST_TOLERANCE)
     instruments = _find_directions(residual[:z, :z], tolerance, gram[m : m + z, m : m + z])
     if instruments is None:
         return None
     fit = instruments[0].T @ residual[:z, z:]
     coefficients = instruments[0] @ fit
-    projection = _decompose(fit.T, (directions.shape[1], instruments[0].shape[1]), condition, np.sqrt(columns), order)
+    projection = _decompose(
+        fit.T, (directions.shape[1], instruments[0].shape[1]), condition, np.sqrt(columns), order
+    )
     input_coefficients = directions @ (components[:, :z] @ coefficients)
     fit_size = np.vdot(coefficients, coefficients) + np.vdot(input_coefficients, input_coefficients)
     error = ROUNDING * largest * (fit_size + 2.0 * np.sqrt(fit_size * output_size))
-    return projection if error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2 else None
+    return (
+        projection
+        if error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2
+        else None
+    )
 
 
 def project_factor(
@@ -98,7 +110,13 @@ def project_factor(
     limit = max(rank_tolerance, LEAST_TOLERANCE) * np.linalg.norm(factor[:, m : m + z], 2)
     left, values, _ = np.linalg.svd(residual[:, :z], full_matrices=False)
     directions = left[:, values > limit]
-    return _decompose(residual[:, z:].T @ directions, (rank, directions.shape[1]), condition, np.sqrt(columns), order)
+    return _decompose(
+        residual[:, z:].T @ directions,
+        (rank, directions.shape[1]),
+        condition,
+        np.sqrt(columns),
+        order,
+    )
 
 
 def project_correlation(
@@ -121,7 +139,9 @@ def project_correlation(
     condition = float(values[0] / values[rank - 1]) if rank else np.inf
     squares = np.linalg.eigvalsh(gram[m : m + z, m : m + z])
     instrument_rank = int(np.sum(squares > max(rank_tolerance**2, z * ROUNDING) * squares[-1]))
-    return _decompose((outputs - inputs @ solution).T, (int(rank), instrument_rank), condition, columns)
+    return _decompose(
+        (outputs - inputs @ solution).T, (int(rank), instrument_rank), condition, columns
+    )
 
 
 def _find_directions(
@@ -135,7 +155,9 @@ def _find_directions(
     rounding = MARGIN * len(gram) * ROUNDING
     factor, info = lapack.dpotrf(gram)
     inverse, info = lapack.dtrtri(factor) if not info else (factor, info)
-    if not info and max(rounding, rank_tolerance**2) * bound * np.vdot(inverse, inverse) < 1.0:  # then all count
+    if (
+        not info and max(rounding, rank_tolerance**2) * bound * np.vdot(inverse, inverse) < 1.0
+    ):  # then all count
         return inverse, float(np.sqrt(bound / lapack.dpocon(factor, 1.0)[0])), bound
     if rank_tolerance**2 < rounding:
         return None
@@ -146,7 +168,11 @@ def _find_directions(
     count = int(np.sum(values > limit * largest))
     if not count:
         return np.empty((len(gram), 0)), np.inf, float(values[-1])
-    return vectors[:, -count:] / np.sqrt(values[-count:]), float(np.sqrt(values[-1] / values[-count])), float(largest)
+    return (
+        vectors[:, -count:] / np.sqrt(values[-count:]),
+        float(np.sqrt(values[-1] / values[-count])),
+        float(largest),
+    )
 
 
 def _decompose(

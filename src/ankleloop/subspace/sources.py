@@ -30,8 +30,12 @@ INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {
 class SubspaceOptions(Options):
     """Options of an identification, wherever its data are."""
 
-    block_rows: int = option(description="block rows of the future, more than the order", ge=2, le=10000)
-    order: int | None = option(description="order; None takes the largest drop of the singular values", ge=1, le=1000)
+    block_rows: int = option(
+        description="block rows of the future, more than the order", ge=2, le=10000
+    )
+    order: int | None = option(
+        description="order; None takes the largest drop of the singular values", ge=1, le=1000
+    )
     instruments: Instruments = option(description="instrumental variables")
     projection: Literal["ordinary", "correlation"] = option(description="form of the projection")
     dt: float = option(description="sampling interval", unit="s", ge=1e-9, le=1e9)
@@ -55,7 +59,9 @@ class SubspaceOptions(Options):
         ge=0,
         lt=1,
     )
-    regression_tolerance: float = option(1e-10, "the same for the regression that gives B and D", ge=0, lt=1)
+    regression_tolerance: float = option(
+        1e-10, "the same for the regression that gives B and D", ge=0, lt=1
+    )
     names: tuple[Sequence[str], Sequence[str]] | None = option(
         None, "names of the inputs and of the outputs of the model", strict=False
     )
@@ -66,7 +72,9 @@ class SubspaceOptions(Options):
         if rows <= order:
             raise ValueError(f"block_rows must be larger than the order ({order}), got {rows}.")
         if leads > rows:
-            raise ValueError(f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}.")
+            raise ValueError(
+                f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}."
+            )
         if leads and self.instruments != "past-reference":
             raise ValueError(
                 f"instrument_leads must be 0 unless instruments are made of the reference: with {self.instruments!r} "
@@ -79,7 +87,8 @@ class MemoryOptions(SubspaceOptions):
     """Options of an identification from records in memory."""
 
     input_matrices: Literal["least-squares", "instruments"] = option(
-        "least-squares", "how B and D are estimated; with instruments, the inputs are predicted from the reference"
+        "least-squares",
+        "how B and D are estimated; with instruments, the inputs are predicted from the reference",
     )
     scaling: bool = option(
         True,
@@ -102,7 +111,9 @@ class HankelRows(NamedTuple):
     lags: np.ndarray  # block rows that each channel reaches over
 
 
-def select_rows(options: SubspaceOptions, sizes: tuple[int, int, int], *, open_loop: bool = False) -> HankelRows:
+def select_rows(
+    options: SubspaceOptions, sizes: tuple[int, int, int], *, open_loop: bool = False
+) -> HankelRows:
     """The rows of records that hold inputs, outputs and, possibly, a reference side by side.
 
     The instruments consist of some channels, of so many block rows before the future and within it. In open loop the
@@ -111,7 +122,9 @@ def select_rows(options: SubspaceOptions, sizes: tuple[int, int, int], *, open_l
     inputs, outputs, references = sizes
     signals = INSTRUMENT_SIGNALS["past-input" if open_loop else options.instruments]
     if "reference" in signals and not references:
-        raise DataError("past-reference instruments need a reference: pass the external command of the loop.")
+        raise DataError(
+            "past-reference instruments need a reference: pass the external command of the loop."
+        )
     instruments = np.flatnonzero(np.repeat([name in signals for name in SIGNALS], sizes))
     past = options.instrument_rows or options.block_rows
     if not instruments.size:
@@ -129,7 +142,9 @@ def select_rows(options: SubspaceOptions, sizes: tuple[int, int, int], *, open_l
     indices = np.concatenate([np.add.outer(rows, part).ravel() for rows, part in parts])
     lags = np.full(sum(sizes), options.block_rows)
     lags[instruments] = window  # they reach into the past, all other channels into the future alone
-    return HankelRows(indices, (inputs * options.block_rows, instruments.size * reach), window, lags)
+    return HankelRows(
+        indices, (inputs * options.block_rows, instruments.size * reach), window, lags
+    )
 
 
 class Source:
@@ -145,7 +160,11 @@ class Source:
 
     def name_channel(self, channel: int) -> str:
         """Signal of a channel, and its number there."""
-        return [f"{name} {k}" for name, size in zip(SIGNALS, self.sizes, strict=True) for k in range(size)][channel]
+        return [
+            f"{name} {k}"
+            for name, size in zip(SIGNALS, self.sizes, strict=True)
+            for k in range(size)
+        ][channel]
 
     def refuse_not_finite(self, x: np.ndarray, first: int, place: str = "") -> None:
         """Refuse numbers that are not finite; the samples count from a first one."""
@@ -164,7 +183,10 @@ class Source:
 
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """Inner products of the Hankel rows, each less its mean over each record unless offsets are zero."""
-        grams = (hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets) for record in self.records)
+        grams = (
+            hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
+            for record in self.records
+        )
         return reduce(np.add, grams)[rows.indices][:, rows.indices]
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
@@ -180,13 +202,17 @@ class Source:
         return factor[records:, records:]
 
 
-def list_records(x: Any, name: str, merged: bool, lengths: Sequence[int] | None = None) -> list[np.ndarray]:
+def list_records(
+    x: Any, name: str, merged: bool, lengths: Sequence[int] | None = None
+) -> list[np.ndarray]:
     """List the records of a signal as two-dimensional arrays, which have the lengths of the inputs.
 
     Shapes: x (N,); returns (N, m).
     """
     if merged and not isinstance(x, (list, tuple)):
-        raise DataError(f"the {name} must be a list of records as the inputs are, got {show_value(x)}.")
+        raise DataError(
+            f"the {name} must be a list of records as the inputs are, got {show_value(x)}."
+        )
     records = [as_real(record, name) for record in (x if merged else [x])]
     records = [record[:, None] if record.ndim == 1 else record for record in records]
     for k, record in enumerate(records):
@@ -196,23 +222,35 @@ def list_records(x: Any, name: str, merged: bool, lengths: Sequence[int] | None 
                 "must be (samples, channels), with the same channels."
             )
     if lengths is not None and len(records) != len(lengths):
-        raise DataError(f"{len(lengths)} records of inputs, {len(records)} of the {name}: give one for each.")
+        raise DataError(
+            f"{len(lengths)} records of inputs, {len(records)} of the {name}: give one for each."
+        )
     for k, (record, length) in enumerate(zip(records, lengths or [], strict=False)):
         if len(record) != length:
             number = f" in record {k}" if len(records) > 1 else ""
-            raise DataError(f"{length} samples of inputs, {len(record)} of the {name}{number}: cut them to one length.")
+            raise DataError(
+                f"{length} samples of inputs, {len(record)} of the {name}{number}: cut them to one length."
+            )
     return records
 
 
 class MemorySource(Source):
     """One record or merged records in memory, as `ankleloop.subspace.moesp.moesp` takes them."""
 
-    def __init__(self, u: Any, y: Any, reference: Any, predicted: Any, options: MemoryOptions) -> None:
-        merged = isinstance(u, (list, tuple)) and len(u) > 0 and all(np.ndim(record) == 2 for record in u)
+    def __init__(
+        self, u: Any, y: Any, reference: Any, predicted: Any, options: MemoryOptions
+    ) -> None:
+        merged = (
+            isinstance(u, (list, tuple))
+            and len(u) > 0
+            and all(np.ndim(record) == 2 for record in u)
+        )
         inputs = list_records(u, "input", merged)
         self.lengths = [len(record) for record in inputs]
         signals = [inputs, list_records(y, "output", merged, self.lengths)]
-        references = [] if reference is None else list_records(reference, "reference", merged, self.lengths)
+        references = (
+            [] if reference is None else list_records(reference, "reference", merged, self.lengths)
+        )
         if references and options.instruments == "past-reference":
             self.open_loop = all(map(np.array_equal, references, inputs))
             if not self.open_loop:
@@ -221,14 +259,18 @@ class MemorySource(Source):
         self.sizes, self.offsets = (m, p, sum(others)), options.offsets
         records = [np.concatenate(parts, axis=1) for parts in zip(*signals, strict=True)]
         for k, record in enumerate(records):
-            self.refuse_not_finite(record, 0, f" of record {k}" if merged and len(records) > 1 else "")
+            self.refuse_not_finite(
+                record, 0, f" of record {k}" if merged and len(records) > 1 else ""
+            )
         means = [np.einsum("tc->c", record) / len(record) for record in records]
         deviations = [record - mean for record, mean in zip(records, means, strict=True)]
         squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
         deviation = np.sqrt(squares / max(sum(self.lengths), 1))
         self.refuse_constant(deviation, np.abs(means).max(axis=0))
         self.scale = deviation if options.scaling else np.ones_like(deviation)
-        self.records = [[record / self.scale] for record in (deviations if self.offsets else records)]
+        self.records = [
+            [record / self.scale] for record in (deviations if self.offsets else records)
+        ]
         if options.input_matrices == "instruments":
             scaled = [record[:, :m] for (record,) in self.records]
             self.predicted = self._predict_inputs(scaled, references, predicted, merged)
@@ -250,8 +292,12 @@ class MemorySource(Source):
         records = list_records(predicted, "predicted_inputs", merged, self.lengths)
         m = self.sizes[0]
         if records[0].shape[1] != m:
-            raise DataError(f"{m} inputs, {records[0].shape[1]} predicted_inputs: pass a prediction of each.")
-        return [(record - self.offsets * record.mean(axis=0)) / self.scale[:m] for record in records]
+            raise DataError(
+                f"{m} inputs, {records[0].shape[1]} predicted_inputs: pass a prediction of each."
+            )
+        return [
+            (record - self.offsets * record.mean(axis=0)) / self.scale[:m] for record in records
+        ]
 
 
 class ChunkSource(Source):
@@ -292,7 +338,11 @@ class ChunkSource(Source):
             x = self._stack(chunk)
             self.refuse_not_finite(x, samples)
             x = (x - self.mean) / self.scale
-            samples, sums, squares = samples + len(x), sums + x.sum(axis=0), squares + np.sum(x**2, axis=0)
+            samples, sums, squares = (
+                samples + len(x),
+                sums + x.sum(axis=0),
+                squares + np.sum(x**2, axis=0),
+            )
             yield x
         self.lengths, self._sums, self._squares = [samples], sums, squares
 

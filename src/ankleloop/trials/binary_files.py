@@ -42,13 +42,20 @@ class Hdf5Contents(Contents):
                 f"{self.path.name}: the samples of {name} are in other files: copy them into one file, for example by "
                 "h5repack or with MATLAB."
             )
-        return Variable(name, (0,) if node.shape is None else node.shape, partial(take_samples, node), node.attrs)
+        return Variable(
+            name,
+            (0,) if node.shape is None else node.shape,
+            partial(take_samples, node),
+            node.attrs,
+        )
 
     def names(self) -> Iterable[str]:
         """Full names of the variables; MATLAB's internals, #refs# and #subsystem#, are left out."""
         names: list[str] = []
         self._file.visit(names.append)
-        variables = (name for name in names if not name.startswith("#") and _is_variable(self._file[name]))
+        variables = (
+            name for name in names if not name.startswith("#") and _is_variable(self._file[name])
+        )
         return [name.replace("/", self.separator) for name in variables]
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
@@ -62,7 +69,9 @@ class Hdf5Contents(Contents):
 
 def _is_variable(node: Any) -> bool:
     """Whether an object is a data set, and not the zeros of a dimension of NetCDF that has no variable."""
-    return isinstance(node, h5py.Dataset) and not as_text(node.attrs.get("NAME")).startswith(NO_VARIABLE)
+    return isinstance(node, h5py.Dataset) and not as_text(node.attrs.get("NAME")).startswith(
+        NO_VARIABLE
+    )
 
 
 class MatContents(Contents):
@@ -75,7 +84,9 @@ class MatContents(Contents):
         _check_end(path)
         for name, shape, kind in scipy.io.whosmat(path, False):
             if kind == "struct":
-                self.variables += [Variable(field, x.shape, x.__getitem__) for field, x in self._load(name)]
+                self.variables += [
+                    Variable(field, x.shape, x.__getitem__) for field, x in self._load(name)
+                ]
             else:
                 self.variables.append(Variable(name, shape, partial(self._read, name)))
 
@@ -84,7 +95,9 @@ class MatContents(Contents):
 
     def _load(self, name: str) -> Iterator[tuple[str, np.ndarray]]:
         """A variable, or all of a struct, by their full names."""
-        contents = scipy.io.loadmat(self.path, None, False, variable_names=[name], simplify_cells=True)
+        contents = scipy.io.loadmat(
+            self.path, None, False, variable_names=[name], simplify_cells=True
+        )
         return _flatten_struct({name: contents[name]})
 
 
@@ -98,12 +111,17 @@ def _check_end(path: Path) -> None:
                 raise UnreadableError("it ends within a variable")
 
 
-def _flatten_struct(struct: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, np.ndarray]]:
+def _flatten_struct(
+    struct: Mapping[str, Any], prefix: str = ""
+) -> Iterator[tuple[str, np.ndarray]]:
     for name, value in struct.items():
         if isinstance(value, dict):
             yield from _flatten_struct(value, f"{prefix}{name}.")
         else:  # a list holds structs of any shape
-            yield f"{prefix}{name}", np.fromiter(value, object) if isinstance(value, list) else np.atleast_1d(value)
+            yield (
+                f"{prefix}{name}",
+                np.fromiter(value, object) if isinstance(value, list) else np.atleast_1d(value),
+            )
 
 
 class ClassicNetcdfContents(Contents):
@@ -141,9 +159,13 @@ class FlbContents(Contents):
                 cases.append(_read_case(file, content, len(cases) + 1))
         if case is None and len(cases) > 1:
             listed = "; ".join(text for _, _, text in cases[:LISTED])
-            raise DataError(f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.")
+            raise DataError(
+                f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}."
+            )
         if (case or 1) > len(cases):
-            raise DataError(f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1.")
+            raise DataError(
+                f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1."
+            )
         self.variables, self._rate, _ = cases[(case or 1) - 1]
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
@@ -151,7 +173,9 @@ class FlbContents(Contents):
         return {} if owner else {"sampling_rate": self._rate}
 
 
-def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> tuple[list[Variable], float, str]:
+def _read_case(
+    file: BinaryIO, content: np.ndarray, number: int
+) -> tuple[list[Variable], float, str]:
     """Channels of the next case, their rate [Hz] and what they are, for a list of cases; go to its end."""
 
     def read(kind: str, count: int = 1) -> np.ndarray:
@@ -169,7 +193,9 @@ def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> tuple[list[V
     realizations = 1 if version == 2 else int(read("<i4", 2)[1])
     channels, length, kind = read("<i4", 3).tolist()
     if kind not in TYPES:
-        raise UnreadableError(f"case {number} has samples of format {kind}, and 4, 2 and -2 are read: convert it")
+        raise UnreadableError(
+            f"case {number} has samples of format {kind}, and 4, 2 and -2 are read: convert it"
+        )
     read_text()  # the domain, time
     interval = float(read("<f4", 2)[0])
     comment = read_text()
@@ -180,9 +206,13 @@ def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> tuple[list[V
     if realizations > 1:
         names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
     rate = 1.0 / interval
-    rate = float(round(rate)) if abs(rate - round(rate)) <= 1e-5 * rate else rate  # the interval is in single precision
+    rate = (
+        float(round(rate)) if abs(rate - round(rate)) <= 1e-5 * rate else rate
+    )  # the interval is in single precision
     start = file.tell()
-    if (end := file.seek(start + length * len(names) * np.dtype(TYPES[kind]).itemsize)) > content.size:
+    if (
+        end := file.seek(start + length * len(names) * np.dtype(TYPES[kind]).itemsize)
+    ) > content.size:
         raise UnreadableError(f"case {number} is cut off")
     samples = content[start:end].view(TYPES[kind]).reshape(len(names), length)
     variables = []
@@ -190,5 +220,7 @@ def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> tuple[list[V
         low, high = ranges[:, channel % channels]
         scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low} if kind == -2 else {}
         variables.append(Variable(name, (length,), samples[channel].__getitem__, scale))
-    text = f"case {number}: {', '.join(names)}, {length / rate:.4g} s at {rate:g} Hz, {comment[:60]!r}"
+    text = (
+        f"case {number}: {', '.join(names)}, {length / rate:.4g} s at {rate:g} Hz, {comment[:60]!r}"
+    )
     return variables, rate, text

@@ -56,7 +56,19 @@ WORDS = {
     "reference": ("reference", "ref", "command", "cmd", "setpoint", "target"),
 }
 # Words that make another quantity of it.
-OTHERS = {"velocity", "speed", "acceleration", "rate", "offset", "gain", "index", "unit", "units", "name", "label"}
+OTHERS = {
+    "velocity",
+    "speed",
+    "acceleration",
+    "rate",
+    "offset",
+    "gain",
+    "index",
+    "unit",
+    "units",
+    "name",
+    "label",
+}
 LISTED = 30  # names of variables that a message lists
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
 # Upper and lower case count: T is often the torque, not the time.
@@ -73,7 +85,9 @@ class Variable:
 
     name: str  # its full name
     shape: tuple[int, ...] = ()  # its shape in the file
-    read: Callable[[slice], Any] = np.empty(0).__getitem__  # gives the samples of a slice as an array of any type
+    read: Callable[[slice], Any] = np.empty(
+        0
+    ).__getitem__  # gives the samples of a slice as an array of any type
     attributes: Mapping[str, Any] = field(default_factory=dict)  # its attributes
 
     @property
@@ -84,8 +98,13 @@ class Variable:
     @property
     def unit(self) -> str:
         """Unit that the file states, numbers as text; texts that differ are joined, so that they are refused."""
-        values = [value for name, value in self.attributes.items() if name.lower() in ("units", "unit")]
-        texts = [str(value) if np.asarray(value).dtype.kind in "iuf" else as_text(value) for value in values]
+        values = [
+            value for name, value in self.attributes.items() if name.lower() in ("units", "unit")
+        ]
+        texts = [
+            str(value) if np.asarray(value).dtype.kind in "iuf" else as_text(value)
+            for value in values
+        ]
         return " and ".join({normalise_unit(text): text for text in texts if text}.values())
 
 
@@ -143,23 +162,33 @@ def time_factor(name: str, stated: str, *, source: str) -> float | None:
     """Seconds per unit of a time column; None if neither the file nor the name of the column states its unit."""
     unit = stated.lower().split(" since ")[0].strip()
     if unit and unit not in TIME_UNITS:
-        raise DataError(f"{source}: {name} is in {stated!r} according to the file: write it in seconds, ms or µs.")
+        raise DataError(
+            f"{source}: {name} is in {stated!r} according to the file: write it in seconds, ms or µs."
+        )
     return TIME_UNITS.get(unit or find_unit_in_name(name))
 
 
-def find_variable(channel: str, variables: Sequence[Variable], *, source: str, taken: Iterable[str] = ()) -> str | None:
+def find_variable(
+    channel: str, variables: Sequence[Variable], *, source: str, taken: Iterable[str] = ()
+) -> str | None:
     """Find the variable of a channel by its name.
 
     A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `WORDS`: `ankle_angle`
     and `AnkleAngle` are positions, `angle_command` is a reference.
     """
     excluded = set(taken)
-    fitting = [v.name for v in variables if v.name not in excluded and _is_signal(v) and _channel_of(v.name) == channel]
+    fitting = [
+        v.name
+        for v in variables
+        if v.name not in excluded and _is_signal(v) and _channel_of(v.name) == channel
+    ]
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
         names = list_names(fitting)
-        raise DataError(f"{source}: {len(fitting)} variables may be the {channel}: {names}. Name one of them.")
+        raise DataError(
+            f"{source}: {len(fitting)} variables may be the {channel}: {names}. Name one of them."
+        )
     if channel == "reference":
         return None
     text = f"no variable is called {' or '.join(WORDS[channel])}, so that it would be the {channel}; the file has: "
@@ -211,7 +240,9 @@ class Contents:
 
     def find(self, name: str) -> Variable | None:
         """Variable of a full name; None if there is none."""
-        places = [place for place, variable in enumerate(self.variables, 1) if variable.name == name]
+        places = [
+            place for place, variable in enumerate(self.variables, 1) if variable.name == name
+        ]
         if len(places) > 1:
             raise DataError(
                 f"{self.path.name}: {len(places)} {self.kind} are called {name!r} ({self.kind} "
@@ -270,7 +301,9 @@ def find_variables(contents: Contents) -> list[Variable]:
     variables = []
     for name in dict.fromkeys(islice(contents.names(), MOST_VARIABLES)):
         variables.append(Variable(name))
-        with suppress(DataError):  # it matters only where this variable is wanted, and is raised there
+        with suppress(
+            DataError
+        ):  # it matters only where this variable is wanted, and is raised there
             if (found := contents.find(name)) is not None:
                 variables[-1] = Variable(name, found.shape, attributes=found.attributes)
     return variables
@@ -296,22 +329,42 @@ def select_channels(
         if (variable := contents.find(f"{parent}{dot}{role}")) is not None:
             selected[role] = variable
     groups = selected["position"].name.split(separator)
-    owners = [separator.join(groups[:depth]) for depth in range(len(groups), -1, -1)]  # the nearest first
-    times = (contents.find(f"{owner}{separator * bool(owner)}{name}") for owner in owners for name in TIME_NAMES)
-    time = next((found for found in times if found is not None and math.prod(found.shape) != 1), None)
+    owners = [
+        separator.join(groups[:depth]) for depth in range(len(groups), -1, -1)
+    ]  # the nearest first
+    times = (
+        contents.find(f"{owner}{separator * bool(owner)}{name}")
+        for owner in owners
+        for name in TIME_NAMES
+    )
+    time = next(
+        (found for found in times if found is not None and math.prod(found.shape) != 1), None
+    )
     if time is not None and time.name not in {variable.name for variable in selected.values()}:
         selected[TIME] = time
-    selected = {role: variable for role, variable in selected.items() if roles is None or role in roles}
+    selected = {
+        role: variable for role, variable in selected.items() if roles is None or role in roles
+    }
     for role, variable in selected.items():
         values = _read_numbers(contents, variable, slice(*part) if part else slice(None))
-        shape = values.shape if part is None else variable.shape  # cells with line ends make a table shorter
+        shape = (
+            values.shape if part is None else variable.shape
+        )  # cells with line ends make a table shorter
         yield role, Variable(variable.name, shape, values.__getitem__, variable.attributes)
     if roles is None:
-        rates = ([v for name in RATE_NAMES if (v := contents.find_number(owner, name)) is not None] for owner in owners)
+        rates = (
+            [v for name in RATE_NAMES if (v := contents.find_number(owner, name)) is not None]
+            for owner in owners
+        )
         found = next(filter(None, rates), [])
-        numbers = {v.name: number for v in found if (number := _read_rate(source, v, rate)) is not None}
+        numbers = {
+            v.name: number for v in found if (number := _read_rate(source, v, rate)) is not None
+        }
         if numbers:
-            yield RATE, Variable(" and ".join(numbers), read=np.array([*numbers.values()]).__getitem__)
+            yield (
+                RATE,
+                Variable(" and ".join(numbers), read=np.array([*numbers.values()]).__getitem__),
+            )
 
 
 def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.ndarray:
@@ -328,10 +381,14 @@ def _read_numbers(contents: Contents, variable: Variable, part: slice) -> np.nda
                     "choose another variable."
                 ) from None
     elif values.dtype.kind not in "iuf":
-        raise DataError(f"{place} is of type {values.dtype}, not real numbers: convert it, or choose another variable.")
+        raise DataError(
+            f"{place} is of type {values.dtype}, not real numbers: convert it, or choose another variable."
+        )
     check_size(values.size, place)
     numbers = np.array(decode(values, variable.attributes), dtype="<f8", order="C")
-    numbers[np.isnan(numbers)] = np.nan  # damaged files have nan that signal an error wherever they are used
+    numbers[np.isnan(numbers)] = (
+        np.nan
+    )  # damaged files have nan that signal an error wherever they are used
     return numbers
 
 
@@ -344,7 +401,9 @@ def _read_rate(source: str, variable: Variable, stated: float | None) -> float |
     if stated is not None:
         return None
     unit = variable.unit and f" {variable.unit}"
-    raise DataError(f"{source}: {variable.name} is {value!s:.60}{unit}, not a number in Hz: pass sampling_rate in Hz.")
+    raise DataError(
+        f"{source}: {variable.name} is {value!s:.60}{unit}, not a number in Hz: pass sampling_rate in Hz."
+    )
 
 
 def decode(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
@@ -354,12 +413,18 @@ def decode(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
     nan. `_Unsigned` turns integers into those without a sign.
     """
     missing = np.zeros(values.shape, dtype=bool)
-    for key in {"_FillValue", "missing_value"} & {*attributes}:  # libraries round them to the type of the samples
+    for key in {"_FillValue", "missing_value"} & {
+        *attributes
+    }:  # libraries round them to the type of the samples
         missing |= np.isin(values, np.asarray(attributes[key]).astype(values.dtype))
     if as_text(attributes.get("_Unsigned", "")).lower() == "true" and values.dtype.kind == "i":
-        values = values.view(values.dtype.str.replace("i", "u"))  # the markers have the signed type as stored
+        values = values.view(
+            values.dtype.str.replace("i", "u")
+        )  # the markers have the signed type as stored
     if {"scale_factor", "add_offset"} & {*attributes}:
-        factor, offset = (np.asarray(attributes.get(key, default)).item() for key, default in SCALE.items())
+        factor, offset = (
+            np.asarray(attributes.get(key, default)).item() for key, default in SCALE.items()
+        )
         values = values.astype(float) * factor + offset
     return np.where(missing, np.nan, values) if missing.any() else values
 

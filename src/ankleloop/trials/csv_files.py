@@ -36,7 +36,9 @@ class CsvContents(Contents):
         self._last: deque[tuple[int, str]] = deque(maxlen=LAST)  # numbered lines
         self._measure()
         columns = enumerate(self._header)
-        self.variables = [Variable(name, (self._rows,), partial(self._read, column)) for column, name in columns]
+        self.variables = [
+            Variable(name, (self._rows,), partial(self._read, column)) for column, name in columns
+        ]
 
     def _read(self, column: int, part: slice) -> np.ndarray:
         """Numbers of a column, or objects where some are text."""
@@ -49,7 +51,9 @@ class CsvContents(Contents):
 
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file: by its line, the header's among them."""
-        samples = (number for number, line in self._lines() if number > self._header_line and line.strip())
+        samples = (
+            number for number, line in self._lines() if number > self._header_line and line.strip()
+        )
         return f"in line {next(number for row, number in enumerate(samples) if row == sample)}"
 
     def _lines(self) -> Iterator[tuple[int, str]]:
@@ -81,7 +85,9 @@ class CsvContents(Contents):
             self._last.append((number, line))
         check_size(self._rows, f"{self.path.name}: the table")
         if not self._rows:
-            raise DataError(f"{self.path.name}: the table has no header in its first line, or no samples below it.")
+            raise DataError(
+                f"{self.path.name}: the table has no header in its first line, or no samples below it."
+            )
         *before, (number, line) = self._last
         if before and len(_split(line)) < len(_split(before[-1][1])):
             raise DataError(

@@ -42,7 +42,9 @@ class UnreadableError(Exception):
     """What is wrong with the contents of a file, for a message that names it."""
 
 
-def check_output(path: PathLike, *, overwrite: bool = False, source: PathLike | None = None) -> Path:
+def check_output(
+    path: PathLike, *, overwrite: bool = False, source: PathLike | None = None
+) -> Path:
     """Check that a file can be written and that nothing is lost by it; long computations do so before they begin."""
     path = Path(path)
     try:
@@ -54,8 +56,12 @@ def check_output(path: PathLike, *, overwrite: bool = False, source: PathLike | 
             raise DataError(f"{path}: the file is being read ({source}): write to another name.")
         if path.exists() and not path.is_file():
             raise DataError(f"{path}: this is a folder or a device, no file: write to a file.")
-        if not overwrite and os.path.lexists(path) and path.lstat().st_size > 0:  # nothing is lost of an empty file
-            raise DataError(f"{path}: the file exists already: write to another name, or replace it by overwrite=True.")
+        if (
+            not overwrite and os.path.lexists(path) and path.lstat().st_size > 0
+        ):  # nothing is lost of an empty file
+            raise DataError(
+                f"{path}: the file exists already: write to another name, or replace it by overwrite=True."
+            )
     except OSError as cause:
         raise _write_error(path, cause) from cause
     return path
@@ -64,7 +70,9 @@ def check_output(path: PathLike, *, overwrite: bool = False, source: PathLike | 
 def _write_error(path: Path, cause: OSError) -> DataError | ResourceError:
     fault = f"{path}: the file cannot be written ({cause.strerror or cause})"
     if cause.errno in FULL:
-        return ResourceError(f"{fault}: free space in the folder {path.parent}. Nothing has been changed.")
+        return ResourceError(
+            f"{fault}: free space in the folder {path.parent}. Nothing has been changed."
+        )
     remedy = f"check its name, and that you may write to the folder {path.parent}"
     return DataError(f"{fault}: {remedy}. Nothing has been changed.")
 
@@ -92,13 +100,17 @@ def atomic_file(path: PathLike, *, overwrite: bool = False) -> Iterator[Path]:
     partial = _partial_path(path)
     try:
         yield partial
-        with open(partial, "rb+") as file:  # a power cut must not leave the name without the content
+        with open(
+            partial, "rb+"
+        ) as file:  # a power cut must not leave the name without the content
             os.fsync(file.fileno())
         with _lock:  # of two threads the later one sees the file of the earlier one
             check_output(path, overwrite=overwrite)  # others may have written it meanwhile
             os.replace(partial, path)
     except OSError as cause:
-        if cause.filename is not None and Path(os.fsdecode(cause.filename)) != partial:  # of another file
+        if (
+            cause.filename is not None and Path(os.fsdecode(cause.filename)) != partial
+        ):  # of another file
             raise
         raise _write_error(path, cause) from cause
     finally:
@@ -157,13 +169,19 @@ def atomic_netcdf(path: PathLike, *, overwrite: bool = False) -> Iterator[h5netc
         yield file
 
 
-def write_netcdf(groups: Mapping[str, xr.Dataset], path: PathLike, *, overwrite: bool = False) -> None:
+def write_netcdf(
+    groups: Mapping[str, xr.Dataset], path: PathLike, *, overwrite: bool = False
+) -> None:
     """Write data sets as groups of a NetCDF-4 file, which appears when it is complete, with its checksum."""
     import xarray as xr
 
     # Encodings that are left from another file (packing, fill values) would change the samples.
-    tree = xr.DataTree.from_dict({f"/{name}": data.drop_encoding() for name, data in groups.items()})
-    encoding = {node.path: {name: {"_FillValue": None} for name in node.variables} for node in tree.subtree}
+    tree = xr.DataTree.from_dict(
+        {f"/{name}": data.drop_encoding() for name, data in groups.items()}
+    )
+    encoding = {
+        node.path: {name: {"_FillValue": None} for name in node.variables} for node in tree.subtree
+    }
     with _netcdf_sink(path, overwrite) as sink:
         tree.to_netcdf(sink, engine="h5netcdf", encoding=encoding)
 
@@ -220,4 +238,6 @@ def write_csv(table: pd.DataFrame, path: PathLike, *, overwrite: bool = False) -
 
 
 def _quote(value: Any) -> Any:
-    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value
+    return (
+        f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value
+    )

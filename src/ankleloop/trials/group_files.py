@@ -44,16 +44,29 @@ class Fields:
         return as_text(self.values[name])
 
 
-def write_groups(groups: Mapping[str, xr.Dataset], path: PathLike, variable: str, *, overwrite: bool = False) -> None:
+def write_groups(
+    groups: Mapping[str, xr.Dataset], path: PathLike, variable: str, *, overwrite: bool = False
+) -> None:
     """Write groups of variables to one file; it appears when it is complete."""
     path = _check_suffix(path)
     if path.suffix == ".mat":
-        from scipy.io import savemat  # here, because its import takes time and workflow jobs do not need it
+        from scipy.io import (
+            savemat,
+        )  # here, because its import takes time and workflow jobs do not need it
 
         structs = {group: _as_struct(data) for group, data in groups.items()}
-        struct = structs.pop("", {}) | {group: fields or np.empty((0, 0)) for group, fields in structs.items()}
+        struct = structs.pop("", {}) | {
+            group: fields or np.empty((0, 0)) for group, fields in structs.items()
+        }
         with atomic_file(path, overwrite=overwrite) as partial:
-            savemat(partial, {variable: struct}, False, do_compression=True, long_field_names=True, oned_as="column")
+            savemat(
+                partial,
+                {variable: struct},
+                False,
+                do_compression=True,
+                long_field_names=True,
+                oned_as="column",
+            )
     else:
         write_netcdf(groups, path, overwrite=overwrite)
 
@@ -61,8 +74,12 @@ def write_groups(groups: Mapping[str, xr.Dataset], path: PathLike, variable: str
 def read_groups(path: PathLike, variable: str) -> dict[str, Fields]:
     """Read a file of groups."""
     path = _check_suffix(path)
-    with readable_file(path, f"{path.suffix} file", "restore it from a copy, or write it again") as readable:
-        contents = _read_mat(readable, variable) if path.suffix == ".mat" else _read_netcdf(readable)
+    with readable_file(
+        path, f"{path.suffix} file", "restore it from a copy, or write it again"
+    ) as readable:
+        contents = (
+            _read_mat(readable, variable) if path.suffix == ".mat" else _read_netcdf(readable)
+        )
     return {
         group: Fields(f"{path.name}, group {group}" if group else path.name, fields)
         for group, fields in contents.items()
@@ -72,7 +89,9 @@ def read_groups(path: PathLike, variable: str) -> dict[str, Fields]:
 def _check_suffix(path: PathLike) -> Path:
     path = Path(path)
     if path.suffix not in SUFFIXES:
-        raise DataError(f"{path.name}: the file ends in {path.suffix or 'no suffix'}: take {' or '.join(SUFFIXES)}.")
+        raise DataError(
+            f"{path.name}: the file ends in {path.suffix or 'no suffix'}: take {' or '.join(SUFFIXES)}."
+        )
     return path
 
 
@@ -81,14 +100,20 @@ def _read_netcdf(path: Path) -> dict[str, dict[str, Any]]:
 
     with h5netcdf.File(path, phony_dims="access") as file:
         return {
-            group: {**node.attrs, **{name: variable[...] for name, variable in node.variables.items()}}
+            group: {
+                **node.attrs,
+                **{name: variable[...] for name, variable in node.variables.items()},
+            }
             for group, node in {"": file, **file.groups}.items()
         }
 
 
 def _as_struct(data: xr.Dataset) -> dict[str, Any]:
     """Fields of a struct: MATLAB calculates with doubles, and integers would make integers of them."""
-    fields = {str(name): float(value) if isinstance(value, int) else value for name, value in data.attrs.items()}
+    fields = {
+        str(name): float(value) if isinstance(value, int) else value
+        for name, value in data.attrs.items()
+    }
     for name, variable in data.variables.items():
         array = variable.values.astype(object if variable.dtype.kind in "OU" else float)
         fields[str(name)] = array if array.ndim else array.item()
@@ -99,4 +124,7 @@ def _read_mat(path: Path, variable: str) -> dict[str, dict[str, Any]]:
     import scipy.io
 
     struct = scipy.io.loadmat(path, simplify_cells=True)[variable]
-    return {"": struct, **{name: fields for name, fields in struct.items() if isinstance(fields, dict)}}
+    return {
+        "": struct,
+        **{name: fields for name, fields in struct.items() if isinstance(fields, dict)},
+    }

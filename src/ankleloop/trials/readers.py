@@ -12,7 +12,15 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, parse_rate
-from ankleloop.trials.channels import RATE, RATE_NAMES, TIME, TIME_NAMES, Variable, check_unit, time_factor
+from ankleloop.trials.channels import (
+    RATE,
+    RATE_NAMES,
+    TIME,
+    TIME_NAMES,
+    Variable,
+    check_unit,
+    time_factor,
+)
 from ankleloop.trials.files import PathLike, stamp_file
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
@@ -86,7 +94,11 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     times = [channels[TIME].values] if TIME in channels else []
     rate = choose_rate(channels, options, times, source=path.name)
     trial = new_trial(
-        **{role: channels[role].values * options.factor(role) for role in channels if role not in (TIME, RATE)},
+        **{
+            role: channels[role].values * options.factor(role)
+            for role in channels
+            if role not in (TIME, RATE)
+        },
         sampling_rate=rate,
         source=path.name,
         **{f"{role}_variable": channels[role].name for role in options.names},
@@ -110,11 +122,17 @@ def parse_options(owner: str, source: str, values: Mapping[str, Any]) -> Reading
 
 def _read(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Variable]:
     """Read channels of a file; `wanted` is what `channels.select_channels` takes beside names and rate."""
-    return read_channels(path, options.case, variables=options.names, rate=options.sampling_rate, **wanted)
+    return read_channels(
+        path, options.case, variables=options.names, rate=options.sampling_rate, **wanted
+    )
 
 
 def choose_rate(
-    channels: Mapping[str, Variable], options: ReadingOptions, times: Iterable[np.ndarray], *, source: str
+    channels: Mapping[str, Variable],
+    options: ReadingOptions,
+    times: Iterable[np.ndarray],
+    *,
+    source: str,
 ) -> float:
     """Check units and shapes of channels, and choose the sampling rate: the stated one, else that of the times.
 
@@ -125,7 +143,11 @@ def choose_rate(
             if role not in options.further:
                 check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
             check_shape(channel.shape, channel.name, source=source)
-    rates = [parse_rate(number, source=source) for number in channels[RATE].values] if RATE in channels else []
+    rates = (
+        [parse_rate(number, source=source) for number in channels[RATE].values]
+        if RATE in channels
+        else []
+    )
     given = options.sampling_rate
     if given is not None:  # which of several rates is right
         rates = sorted(rates, key=lambda rate: abs(rate - given))[:1]
@@ -199,14 +221,24 @@ class LongRecord:
 
     @show_fields(ReadingOptions)
     def __init__(
-        self, path: PathLike, sampling_rate: float | None = None, *, reference: str | None = "reference", **mapping: Any
+        self,
+        path: PathLike,
+        sampling_rate: float | None = None,
+        *,
+        reference: str | None = "reference",
+        **mapping: Any,
     ) -> None:
         self.path = check_path("LongRecord", "path", path)
-        source, mapping = self.path.name, {"sampling_rate": sampling_rate, "reference": reference, **mapping}
+        source, mapping = (
+            self.path.name,
+            {"sampling_rate": sampling_rate, "reference": reference, **mapping},
+        )
         self.options = parse_options("LongRecord", source, mapping)
         self.reference = self.options.reference
         if not self.path.name.lower().endswith(LONG_SUFFIXES):
-            raise DataError(f"{source}: long records are read from {', '.join(LONG_SUFFIXES)}; convert it first.")
+            raise DataError(
+                f"{source}: long records are read from {', '.join(LONG_SUFFIXES)}; convert it first."
+            )
         channels = _read(self.path, self.options, part=(0, 1))
         self._stamp = stamp_file(self.path)
         sizes = {role: math.prod(channels[role].shape) for role in self.options.names}

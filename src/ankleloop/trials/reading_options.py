@@ -21,12 +21,22 @@ class ReadingOptions(Options):
 
     position: str = option("position", "name of the position variable in the file")
     torque: str = option("torque", "name of the torque variable in the file")
-    reference: str | None = option(None, "name of the command of the servo in the file; null where it was not recorded")
-    sampling_rate: float | None = option(None, "sampling rate; null: that of the file", unit="Hz", ge=0.001, le=1e9)
-    position_unit: Literal["rad", "deg"] = option("rad", "unit of position and reference in the file")
+    reference: str | None = option(
+        None, "name of the command of the servo in the file; null where it was not recorded"
+    )
+    sampling_rate: float | None = option(
+        None, "sampling rate; null: that of the file", unit="Hz", ge=0.001, le=1e9
+    )
+    position_unit: Literal["rad", "deg"] = option(
+        "rad", "unit of position and reference in the file"
+    )
     position_sign: Literal[1, -1] = option(1, "-1 turns position and reference round")
-    torque_sign: Literal[1, -1] = option(1, "-1 turns the torque round, so that it opposes stretch (positive K, B, I)")
-    case: int | None = option(None, "trial of an FLB file, from 1; null where it has one", ge=1, le=1_000_000)
+    torque_sign: Literal[1, -1] = option(
+        1, "-1 turns the torque round, so that it opposes stretch (positive K, B, I)"
+    )
+    case: int | None = option(
+        None, "trial of an FLB file, from 1; null where it has one", ge=1, le=1_000_000
+    )
     variables: dict[str, str] | str | None = option(
         None,
         "further variables of the trial, as a schedule or the phase of a cycle: name in the trial and variable of the "
@@ -43,7 +53,9 @@ class ReadingOptions(Options):
         if isinstance(value, str):
             parts = (pair.partition("=") for pair in value.split(","))
             pairs = {name.strip(): variable.strip() for name, _, variable in parts}
-        if not isinstance(pairs, Mapping) or not all(isinstance(x, str) and x for pair in pairs.items() for x in pair):
+        if not isinstance(pairs, Mapping) or not all(
+            isinstance(x, str) and x for pair in pairs.items() for x in pair
+        ):
             raise ValueError(f"variables must be {FORM}; got {show_value(value)}.")
         for name in pairs:
             if not re.fullmatch(NAME, name, re.ASCII):
@@ -60,7 +72,9 @@ class ReadingOptions(Options):
         for channel, name in self.channels.items():
             other = channels.setdefault(name.strip("/ "), channel)
             if other != channel:
-                raise ValueError(f"{other} and {channel} are the same variable, {name!r}: name another one.")
+                raise ValueError(
+                    f"{other} and {channel} are the same variable, {name!r}: name another one."
+                )
         return self
 
     @property

@@ -28,8 +28,21 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.channels import SUFFIXES, Contents, Variable, find_suffix, find_variables, select_channels
-from ankleloop.trials.files import PathLike, UnreadableError, check_readable, has_checksum, stamp_file
+from ankleloop.trials.channels import (
+    SUFFIXES,
+    Contents,
+    Variable,
+    find_suffix,
+    find_variables,
+    select_channels,
+)
+from ankleloop.trials.files import (
+    PathLike,
+    UnreadableError,
+    check_readable,
+    has_checksum,
+    stamp_file,
+)
 
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
 PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
@@ -50,7 +63,9 @@ def list_variables(path: PathLike, case: int | None = None) -> list[Variable]:
     return list(read_channels(path, case, "list").values())
 
 
-def read_channels(path: PathLike, case: int | None, task: str = "read", **wanted: Any) -> dict[str, Variable]:
+def read_channels(
+    path: PathLike, case: int | None, task: str = "read", **wanted: Any
+) -> dict[str, Variable]:
     """Read the channels of a trial from a file, with its times and its sampling rate.
 
     `wanted` is what `channels.select_channels` takes beside the open file.
@@ -58,7 +73,9 @@ def read_channels(path: PathLike, case: int | None, task: str = "read", **wanted
     path = check_readable(path)
     suffix = find_suffix(path)
     if suffix is None:
-        raise DataError(f"{path.name}: unknown kind of file: convert it to one of {', '.join(SUFFIXES)}.")
+        raise DataError(
+            f"{path.name}: unknown kind of file: convert it to one of {', '.join(SUFFIXES)}."
+        )
     with name_errors(path.name, f"{suffix} file", WHOLE):
         return _ask(path, task, case, wanted)
 
@@ -94,14 +111,23 @@ def _describe(cause: Exception) -> str:
     return f"{kind}{cause}".partition("\n")[0][:300]
 
 
-_reader: tuple[subprocess.Popen[bytes], Connection] | None = None  # the process that opens files, and the pipe to it
+_reader: tuple[subprocess.Popen[bytes], Connection] | None = (
+    None  # the process that opens files, and the pipe to it
+)
 _lock = threading.Lock()
 
 
 def _start() -> tuple[subprocess.Popen[bytes], Connection]:
     pipe, end = Pipe()
     # -P: files of the current folder that have the name of a module are not imported.
-    command = [sys.executable, "-P", "-c", PROGRAM, str(Path(__file__).parents[2]), str(end.fileno())]
+    command = [
+        sys.executable,
+        "-P",
+        "-c",
+        PROGRAM,
+        str(Path(__file__).parents[2]),
+        str(end.fileno()),
+    ]
     nothing = subprocess.DEVNULL
     with end:
         process = subprocess.Popen(
@@ -140,18 +166,26 @@ def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dic
         if _reader is None or _reader[0].poll() is not None:
             _reader = _start()
         try:
-            return _exchange(*_reader, [task, str(path.absolute()), case, *limits, wanted], path.name)
+            return _exchange(
+                *_reader, [task, str(path.absolute()), case, *limits, wanted], path.name
+            )
         except DataError:
             raise
-        except BaseException:  # a library has failed, or the answer may be half read, after Ctrl-C for example
+        except (
+            BaseException
+        ):  # a library has failed, or the answer may be half read, after Ctrl-C for example
             stop()
             raise
         finally:
             if stamp_file(path) != stamp:
-                raise DataError(f"{path.name}: the file has changed while it was read: wait until it is whole.")
+                raise DataError(
+                    f"{path.name}: the file has changed while it was read: wait until it is whole."
+                )
 
 
-def _exchange(process: subprocess.Popen[bytes], pipe: Connection, request: list[Any], name: str) -> dict[str, Variable]:
+def _exchange(
+    process: subprocess.Popen[bytes], pipe: Connection, request: list[Any], name: str
+) -> dict[str, Variable]:
     """Send a request about a file, and receive channels."""
     channels = {}
     try:
@@ -166,7 +200,9 @@ def _exchange(process: subprocess.Popen[bytes], pipe: Connection, request: list[
             raise ResourceError(f"{name}: {ENDS[code]}; try again.") from None
         is_late = code == -signal.SIGPROF
         limit = f"stopped after {request[3]:.0f} s, the limit for its size"
-        raise UnreadableError(limit if is_late else f"it crashed the process that reads it, status {code}") from None
+        raise UnreadableError(
+            limit if is_late else f"it crashed the process that reads it, status {code}"
+        ) from None
     if "refusal" in message:
         raise DataError(message["refusal"])
     if "reason" in message:
@@ -200,7 +236,11 @@ def _answer(pipe: Connection, request: list[Any]) -> dict[str, Any]:
         if task == "try":
             for variable in filter(None, map(contents.find, contents.names())):
                 variable.read(slice(None))
-        channels = select_channels(contents, **wanted) if task == "read" else enumerate(find_variables(contents))
+        channels = (
+            select_channels(contents, **wanted)
+            if task == "read"
+            else enumerate(find_variables(contents))
+        )
         for role, channel in channels:
             pipe.send_bytes(json.dumps([role, channel.name, channel.unit, channel.shape]).encode())
             pipe.send_bytes(channel.values.tobytes())
@@ -223,13 +263,22 @@ def choose_container(path: Path) -> type[Contents]:
         from ankleloop.trials.csv_files import CsvContents
 
         return CsvContents
-    from ankleloop.trials.binary_files import ClassicNetcdfContents, FlbContents, Hdf5Contents, MatContents
+    from ankleloop.trials.binary_files import (
+        ClassicNetcdfContents,
+        FlbContents,
+        Hdf5Contents,
+        MatContents,
+    )
 
     with open(path, "rb") as file:
         start = file.read(512 + len(HDF5_SIGNATURE))
-    if start.startswith(HDF5_SIGNATURE) or start.endswith(HDF5_SIGNATURE):  # behind the header that MATLAB writes
+    if start.startswith(HDF5_SIGNATURE) or start.endswith(
+        HDF5_SIGNATURE
+    ):  # behind the header that MATLAB writes
         return Hdf5Contents
-    return {".flb": FlbContents, ".mat": MatContents, ".nc": ClassicNetcdfContents}.get(suffix, Hdf5Contents)
+    return {".flb": FlbContents, ".mat": MatContents, ".nc": ClassicNetcdfContents}.get(
+        suffix, Hdf5Contents
+    )
 
 
 def _limit(seconds: float, memory: int) -> None:
@@ -241,4 +290,6 @@ def _limit(seconds: float, memory: int) -> None:
     signal.setitimer(signal.ITIMER_REAL, PATIENCE * seconds)
     with suppress(OSError, ValueError):  # not on Linux, or above a limit of the system
         used = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
-        resource.setrlimit(resource.RLIMIT_AS, (used + memory, resource.getrlimit(resource.RLIMIT_AS)[1]))
+        resource.setrlimit(
+            resource.RLIMIT_AS, (used + memory, resource.getrlimit(resource.RLIMIT_AS)[1])
+        )

@@ -15,22 +15,31 @@ UNITS = {"position": "rad", "reference": "rad", "torque": "N·m"}
 FILE_FORMATS = {"csv": ".csv", "matlab-5": ".mat", "hdf5": ".h5"}  # and their suffixes
 
 
-def write_recording(trial: xr.Dataset, path: PathLike, file_format: str, *, overwrite: bool = False) -> None:
+def write_recording(
+    trial: xr.Dataset, path: PathLike, file_format: str, *, overwrite: bool = False
+) -> None:
     """Write position, torque and reference of a trial as a recording, without the true torques of a simulation."""
     channels = {name: trial[name].values for name in UNITS if name in trial}
     rate = float(trial.attrs["sampling_rate"])
     with atomic_file(path, overwrite=overwrite) as partial:
         if file_format == "csv":
-            columns = {"time_s": trial["time"].values, "angle_deg": channels["position"] * 180.0 / math.pi}
+            columns = {
+                "time_s": trial["time"].values,
+                "angle_deg": channels["position"] * 180.0 / math.pi,
+            }
             columns["torque_nm"] = channels["torque"]
             if "reference" in channels:
                 columns["command_deg"] = channels["reference"] * 180.0 / math.pi
             pd.DataFrame(columns).to_csv(partial, index=False)
         elif file_format == "matlab-5":
-            scipy.io.savemat(partial, {**channels, "fs": rate}, False, do_compression=True, oned_as="column")
+            scipy.io.savemat(
+                partial, {**channels, "fs": rate}, False, do_compression=True, oned_as="column"
+            )
         else:
             with h5py.File(partial, "w") as file:
                 file.attrs["sampling_rate"] = rate
                 for name, values in channels.items():
-                    data = file.create_dataset(name, data=values, compression="gzip", fletcher32=True)
+                    data = file.create_dataset(
+                        name, data=values, compression="gzip", fletcher32=True
+                    )
                     data.attrs["units"] = UNITS[name]

@@ -16,7 +16,12 @@ from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_integer, check_number
-from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, format_samples, parse_rate
+from ankleloop.signals.sampling import (
+    check_same_rate,
+    compute_rate_of_parts,
+    format_samples,
+    parse_rate,
+)
 from ankleloop.trials.channels import VARIABLES, check_unit
 
 CHANNELS = ("position", "torque", "reference")
@@ -28,7 +33,11 @@ MAX_DEGREE = 10  # of a drift
 
 
 def new_trial(
-    position: ArrayLike, torque: ArrayLike, sampling_rate: float, reference: ArrayLike | None = None, **extras: Any
+    position: ArrayLike,
+    torque: ArrayLike,
+    sampling_rate: float,
+    reference: ArrayLike | None = None,
+    **extras: Any,
 ) -> xr.Dataset:
     """Make a trial from arrays, and check it.
 
@@ -67,10 +76,17 @@ def new_trial(
     source = extras.get("source", "trial")
     rate = parse_rate(sampling_rate, source=source)
     if "time" in extras:
-        raise DataError(f"{source}: time is made from sampling_rate: do not pass it, or give it another name.")
+        raise DataError(
+            f"{source}: time is made from sampling_rate: do not pass it, or give it another name."
+        )
     arrays: dict[str, np.ndarray] = {}
     attributes: dict[str, Any] = {"sampling_rate": rate}
-    for name, value in {"position": position, "torque": torque, "reference": reference, **extras}.items():
+    for name, value in {
+        "position": position,
+        "torque": torque,
+        "reference": reference,
+        **extras,
+    }.items():
         if value is None and name not in REQUIRED:
             continue
         if name in CHANNELS or isinstance(value, list | tuple) or np.ndim(value) > 0:
@@ -79,9 +95,13 @@ def new_trial(
             attributes[name] = _as_attribute(np.asarray(value).item(), name, source)
     check_sizes({name: array.size for name, array in arrays.items()}, source=source)
     time = np.arange(arrays["position"].size) / rate
-    trial = xr.Dataset({name: ("time", array) for name, array in arrays.items()}, {"time": time}, attributes)
+    trial = xr.Dataset(
+        {name: ("time", array) for name, array in arrays.items()}, {"time": time}, attributes
+    )
     for name in ("time", *arrays):
-        unit, long_name = VARIABLES.get(name, ("N·m" if name.startswith("torque") else "", name.replace("_", " ")))
+        unit, long_name = VARIABLES.get(
+            name, ("N·m" if name.startswith("torque") else "", name.replace("_", " "))
+        )
         trial[name].attrs = {"units": unit, "long_name": long_name}
     return validate(trial, source=source)
 
@@ -112,7 +132,9 @@ def segment(trial: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     >>> segment(trial, 0.2, 0.5).sizes["time"]
     30
     """
-    start, stop = (check_number("segment", *edge, "s") for edge in (("start", start), ("stop", stop)))
+    start, stop = (
+        check_number("segment", *edge, "s") for edge in (("start", start), ("stop", stop))
+    )
     time = trial["time"].values
     inside = (time >= start - 1e-9) & (time < stop - 1e-9)
     source = f"{trial.attrs['source']}: " if "source" in trial.attrs else ""
@@ -135,7 +157,9 @@ def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
     grid = np.linspace(-1.0, 1.0, torque.size)
     detrended = torque - np.polynomial.Legendre.fit(grid, torque, degree)(grid)
     if np.ptp(detrended) <= 1e-9 * np.ptp(torque):
-        raise DataError(f"a polynomial of degree {degree} takes all of the torque: there is nothing but drift in it.")
+        raise DataError(
+            f"a polynomial of degree {degree} takes all of the torque: there is nothing but drift in it."
+        )
     return validate(trial.assign(torque=trial["torque"].copy(data=detrended)))
 
 
@@ -145,11 +169,15 @@ def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
     Shapes: values (N,); returns (N,).
     """
     try:
-        array = values if isinstance(values, np.ma.MaskedArray) else np.ma.asarray(np.asarray(values))
+        array = (
+            values if isinstance(values, np.ma.MaskedArray) else np.ma.asarray(np.asarray(values))
+        )
     except (TypeError, ValueError):  # lists of different lengths
         array = np.ma.asarray(np.array(None))
     if array.dtype.kind not in "iuf":
-        raise DataError(f"{source}: {name} is of type {array.dtype}, not real numbers: convert it, or choose another.")
+        raise DataError(
+            f"{source}: {name} is of type {array.dtype}, not real numbers: convert it, or choose another."
+        )
     check_shape(array.shape, name, source=source)
     return np.ma.filled(array.ravel().astype(float), np.nan)
 
@@ -160,7 +188,9 @@ def check_shape(shape: tuple[int, ...], name: str, *, source: str) -> int:
     if size == 0:
         raise DataError(f"{source}: {name} is empty: record it, or choose another variable.")
     if len(shape) not in (1, 2) or size != max(shape):
-        raise DataError(f"{source}: {name} has shape {shape}, not one sample per time: pass a single channel.")
+        raise DataError(
+            f"{source}: {name} has shape {shape}, not one sample per time: pass a single channel."
+        )
     return size
 
 
@@ -192,7 +222,9 @@ def check_sizes(sizes: Mapping[str, int], *, source: str) -> None:
 def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
     """Check that a data set keeps the contract of a trial; it gets the sampling rate of its times if it has none."""
     if not isinstance(trial, xr.Dataset):
-        raise DataError(f"{source}: a trial is an xarray.Dataset, not {type(trial).__name__}: make it with new_trial.")
+        raise DataError(
+            f"{source}: a trial is an xarray.Dataset, not {type(trial).__name__}: make it with new_trial."
+        )
     for name in (*REQUIRED, "time"):
         if name not in trial.variables:
             raise DataError(
@@ -211,11 +243,18 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
     measured = compute_rate_of_parts([time], time.size, source=source)
     rate = parse_rate(trial.attrs.get("sampling_rate", measured), source=source)
     check_same_rate(rate, measured, source=source)
-    check_samples([{str(name): trial.variables[name].values for name in trial.data_vars}], rate, time[0], source=source)
+    check_samples(
+        [{str(name): trial.variables[name].values for name in trial.data_vars}],
+        rate,
+        time[0],
+        source=source,
+    )
     return trial if "sampling_rate" in trial.attrs else trial.assign_attrs(sampling_rate=rate)
 
 
-def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start: float = 0.0, *, source: str) -> None:
+def check_samples(
+    blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start: float = 0.0, *, source: str
+) -> None:
     """Refuse samples that are not finite, channels that are constant, and speeds that no joint reaches.
 
     The samples come in one block or several, of which the first one begins at `start` [s].
@@ -229,7 +268,10 @@ def check_samples(blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start
         if not channels["position"].missing:
             sample, speed = peak_speed(position, rate)
             if not speed <= fastest:
-                fastest, fastest_sample = speed, channels["position"].samples - position.size + sample
+                fastest, fastest_sample = (
+                    speed,
+                    channels["position"].samples - position.size + sample,
+                )
         before = position[-2 * _speed_margin(rate) :].copy()
     for name, channel in channels.items():
         if channel.missing:
@@ -252,7 +294,11 @@ class _Channel:
     """Statistics of a channel."""
 
     def __init__(self) -> None:
-        self.samples, self.missing, self.sample = 0, 0, -1  # `sample` is the first one that is missing
+        self.samples, self.missing, self.sample = (
+            0,
+            0,
+            -1,
+        )  # `sample` is the first one that is missing
         self.low, self.high = np.inf, -np.inf
 
     def add(self, values: np.ndarray) -> None:
@@ -281,7 +327,10 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     with np.errstate(over="ignore", invalid="ignore"):  # of what is refused
         change = np.diff(position, prepend=position[:1])  # of two samples
         if half:
-            change = sum(position[half + k : end + k] - position[half - k : end - k] for k in range(1, half + 1))
+            change = sum(
+                position[half + k : end + k] - position[half - k : end - k]
+                for k in range(1, half + 1)
+            )
         sample = int(np.argmax(np.abs(change)))
         # The means lie half + 1 samples apart, and each is a sum over half samples.
         return half + sample, float(abs(change[sample])) * rate / max(half * (half + 1), 1)
@@ -294,7 +343,11 @@ def _check_spread(name: str, channel: _Channel, source: str) -> None:
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
     if spread <= 1e-12 * largest:
         count, remedy = format_samples(channel.samples), "leave it out, or " * (name == "reference")
-        raise DataError(f"{source}: {name} is constant ({channel.low:g} at all {count}): {remedy}check the channel.")
+        raise DataError(
+            f"{source}: {name} is constant ({channel.low:g} at all {count}): {remedy}check the channel."
+        )
     if spread < SMALLEST or largest > LARGEST:
         fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {largest:.3g}"
-        raise DataError(f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale.")
+        raise DataError(
+            f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale."
+        )

@@ -18,7 +18,9 @@ from ankleloop.trials.trial import validate
 
 INDEX = "index"  # variable with point and number of each trial, and its attributes or why it is missing, as JSON
 
-Trials = Iterator[tuple[str, int, xr.Dataset | str]]  # point and number of each; a text says why there is no trial
+Trials = Iterator[
+    tuple[str, int, xr.Dataset | str]
+]  # point and number of each; a text says why there is no trial
 
 
 def save_trial(trial: xr.Dataset, path: PathLike, *, overwrite: bool = False) -> None:
@@ -82,10 +84,18 @@ def load_trial(path: PathLike) -> xr.Dataset:
     ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
     """
     path = check_path("load_trial", "path", path)
-    with readable_file(path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial") as file:
+    with readable_file(
+        path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial"
+    ) as file:
         # Decoding by the CF conventions could change samples and attributes.
         trial = xr.load_dataset(file, engine="h5netcdf", decode_cf=False).drop_encoding()
-        trial.attrs.update({name: value.item() for name, value in trial.attrs.items() if isinstance(value, np.generic)})
+        trial.attrs.update(
+            {
+                name: value.item()
+                for name, value in trial.attrs.items()
+                if isinstance(value, np.generic)
+            }
+        )
         return validate(trial, source=path.name)
 
 
@@ -107,20 +117,26 @@ def save_trials(
     with atomic_netcdf(path, overwrite=overwrite) as file:
         file.dimensions = {"trial": len(index)}
         for row, (trial, (point, number)) in enumerate(zip(trials, index, strict=True)):
-            rows.append(json.dumps([point, number, trial if isinstance(trial, str) else trial.attrs]))
+            rows.append(
+                json.dumps([point, number, trial if isinstance(trial, str) else trial.attrs])
+            )
             if isinstance(trial, str):
                 continue
             if "time" not in file.variables:
                 size = file.dimensions["time"] = trial.sizes["time"]
                 file.create_variable("time", ("time",), float)[:] = trial["time"].values
                 for name in trial.data_vars:
-                    file.create_variable(name, ("trial", "time"), np.dtype(precision), chunks=(1, size))
+                    file.create_variable(
+                        name, ("trial", "time"), np.dtype(precision), chunks=(1, size)
+                    )
                 for name, variable in trial.variables.items():
                     file[name].attrs.update(variable.attrs)
             for name, signal in trial.data_vars.items():
                 if signal.values.any():  # what is not written is zero
                     file[name][row] = signal.values.astype(precision)
-        file.create_variable(INDEX, ("trial",), h5py.string_dtype())[:] = np.array(rows, dtype=object)
+        file.create_variable(INDEX, ("trial",), h5py.string_dtype())[:] = np.array(
+            rows, dtype=object
+        )
 
 
 def load_trials(path: PathLike) -> Iterator[xr.Dataset]:
@@ -132,7 +148,11 @@ def load_rows(path: PathLike, trials: Mapping[str, Sequence[int]] | None = None)
     """Read all trials of a file, or some: the first number at each point, and the one before which they end."""
     with _open(path) as (rows, read):
         if trials is not None:
-            wanted = [(point, number) for point, (first, stop) in trials.items() for number in range(first, stop)]
+            wanted = [
+                (point, number)
+                for point, (first, stop) in trials.items()
+                for number in range(first, stop)
+            ]
         for point, number in rows if trials is None else wanted:
             if (point, number) not in rows:
                 raise DataError(
@@ -148,9 +168,13 @@ def load_trial_of(paths: Iterable[PathLike], point: str, number: int) -> xr.Data
             if (point, number) in rows:
                 trial = read(point, number)
                 if isinstance(trial, str):
-                    raise DataError(f"trial {number} of the point {point!r} could not be simulated: {trial}")
+                    raise DataError(
+                        f"trial {number} of the point {point!r} could not be simulated: {trial}"
+                    )
                 return trial
-    raise DataError(f"no trial file has trial {number} of the point {point!r}: check the name and the number.")
+    raise DataError(
+        f"no trial file has trial {number} of the point {point!r}: check the name and the number."
+    )
 
 
 @contextmanager
@@ -158,16 +182,25 @@ def _open(path: PathLike) -> Iterator[tuple[dict[tuple[str, int], int], Any]]:
     """The rows of a trial file by point and number, and a function that reads one; errors name the file."""
     import h5py
 
-    with readable_file(path, "trial file", "delete it and run again") as readable, h5py.File(readable) as file:
+    with (
+        readable_file(path, "trial file", "delete it and run again") as readable,
+        h5py.File(readable) as file,
+    ):
         texts = file[INDEX].asstr()[:]
-        rows = {(point, number): row for row, (point, number, _) in enumerate(map(json.loads, texts))}
+        rows = {
+            (point, number): row for row, (point, number, _) in enumerate(map(json.loads, texts))
+        }
         # Decoding by the CF conventions could change samples and attributes.
         with xr.open_dataset(readable, engine="h5netcdf", decode_cf=False) as dataset:
-            signals = dataset.drop_vars(INDEX).isel(trial=0, missing_dims="ignore").load().drop_encoding()
+            signals = (
+                dataset.drop_vars(INDEX).isel(trial=0, missing_dims="ignore").load().drop_encoding()
+            )
 
         def read(point: str, number: int) -> xr.Dataset | str:
             row = rows[point, number]
-            *_, content = json.loads(texts[row])  # again: the attributes of all trials would take much memory
+            *_, content = json.loads(
+                texts[row]
+            )  # again: the attributes of all trials would take much memory
             if isinstance(content, str):
                 return content
             # From HDF5 itself, as xarray takes ten times as long; variables that stay open would keep what was read.

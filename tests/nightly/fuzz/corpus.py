@@ -25,9 +25,14 @@ def make_corpus(reader: str, folder: Path) -> list[tuple[str, bytes]]:
 
 
 def _make_csv(folder):
-    rows = [f"{t:.3f},{p!r},{q!r}" for t, p, q in zip(TIME, POSITION.tolist(), TORQUE.tolist(), strict=True)]
+    rows = [
+        f"{t:.3f},{p!r},{q!r}"
+        for t, p, q in zip(TIME, POSITION.tolist(), TORQUE.tolist(), strict=True)
+    ]
     text = "\n".join(["time,position,torque", *rows]) + "\n"
-    quoted = text.replace("time,position,torque", '"time_s", "position","torque",note').replace("\n", ",\r\n")
+    quoted = text.replace("time,position,torque", '"time_s", "position","torque",note').replace(
+        "\n", ",\r\n"
+    )
     (folder / "plain.csv").write_text(text)
     (folder / "quoted.csv").write_text(quoted, encoding="utf-8-sig")
 
@@ -48,7 +53,9 @@ def _make_hdf5(folder):
         with h5py.File(path, "w", libver=libver, userblock_size=block) as file:
             file["position"] = np.round(POSITION * 1e6).astype(np.int32)
             file["position"].attrs.update(units="rad", scale_factor=1e-6, _FillValue=np.int32(-1))
-            file.create_dataset("torque", data=TORQUE, chunks=(16,), compression="gzip", shuffle=True)
+            file.create_dataset(
+                "torque", data=TORQUE, chunks=(16,), compression="gzip", shuffle=True
+            )
             file["time"] = TIME
             file.attrs["sampling_rate"] = RATE
             file["group/angle"] = POSITION[None]
@@ -59,7 +66,9 @@ def _make_hdf5(folder):
 
 
 def _make_netcdf_classic(folder):
-    data = xr.Dataset({"position": ("time", POSITION), "torque": ("time", TORQUE)}, coords={"time": TIME})
+    data = xr.Dataset(
+        {"position": ("time", POSITION), "torque": ("time", TORQUE)}, coords={"time": TIME}
+    )
     packing = {"position": {"dtype": "int16", "scale_factor": 1e-5, "_FillValue": -1}}
     for name, dims in (("fixed.nc", None), ("records.nc", ["time"])):
         data.to_netcdf(folder / name, engine="scipy", encoding=packing, unlimited_dims=dims)

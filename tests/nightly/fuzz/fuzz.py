@@ -31,7 +31,11 @@ OPTIONS = (
     {"reference": "time"},
     {"sampling_rate": 200.0, "position_unit": "deg", "torque_sign": -1},
 )
-OWN = {"trial": load_trial, "trials": lambda path: list(load_trials(path)), "estimate": load_estimate}
+OWN = {
+    "trial": load_trial,
+    "trials": lambda path: list(load_trials(path)),
+    "estimate": load_estimate,
+}
 
 
 def make_file(reader, corpus, rng):
@@ -71,7 +75,11 @@ def try_file(reader, path, rng):
     except Exception:
         outcome, message = "failures", traceback.format_exc()
     seconds = time.monotonic() - start
-    return ("failures", f"took {seconds:.1f} s: {message}") if seconds > LONGEST else (outcome, message)
+    return (
+        ("failures", f"took {seconds:.1f} s: {message}")
+        if seconds > LONGEST
+        else (outcome, message)
+    )
 
 
 def fuzz(reader, minutes, seed, folder):
@@ -92,7 +100,13 @@ def fuzz(reader, minutes, seed, folder):
             path.unlink()
     signal.alarm(0)
     reading_process.stop()  # its peak of memory is known once it has ended
-    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)) * 1024
+    peak = (
+        max(
+            resource.getrusage(who).ru_maxrss
+            for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+        )
+        * 1024
+    )
     return counts, failures | ({"memory": f"{peak / 1e9:.2f} GB"} if peak > MOST_MEMORY else {})
 
 
@@ -102,4 +116,6 @@ def fuzz_reader(reader, minutes, seed, folder):
         try:
             return pool.submit(fuzz, reader, minutes, seed, folder).result()
         except BrokenProcessPool:
-            return Counter(), {"the file that is left in the folder": "crashed the process of the caller"}
+            return Counter(), {
+                "the file that is left in the folder": "crashed the process of the caller"
+            }

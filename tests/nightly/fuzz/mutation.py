@@ -19,7 +19,9 @@ def _place(content, rng):
 
 def _flip(content, start, _, rng):
     """Flip one bit."""
-    return content[:start] + bytes([content[start] ^ 1 << int(rng.integers(8))]) + content[start + 1 :]
+    return (
+        content[:start] + bytes([content[start] ^ 1 << int(rng.integers(8))]) + content[start + 1 :]
+    )
 
 
 def _truncate(content, start, _, rng):

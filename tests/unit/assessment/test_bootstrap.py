@@ -14,7 +14,9 @@ from ankleloop.signals.vaf import _sum_covariances, vaf_with_interval
 
 
 def draw_autoregression(rng, samples, pole):
-    return sps.lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], rng.standard_normal(samples + 500))[500:]
+    return sps.lfilter([np.sqrt(1 - pole**2)], [1.0, -pole], rng.standard_normal(samples + 500))[
+        500:
+    ]
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.8, 0.95])
@@ -49,7 +51,9 @@ def test_the_bootstrap_checks_the_asymptotic_intervals(bootstrap):
     for name, (low, high) in bootstrap.intervals().items():
         assert low <= high
         if name in asymptotic:
-            assert low < (bootstrap.estimate.stiffness | bootstrap.estimate.reflex)[name] < high, name
+            assert low < (bootstrap.estimate.stiffness | bootstrap.estimate.reflex)[name] < high, (
+                name
+            )
     low, high = bootstrap.intervals()["vaf_net"]
     assert 85 < low < high < 99
 
@@ -89,14 +93,18 @@ def test_a_tenth_of_the_repetitions_may_fail(fail_at):
     bootstrap = block_bootstrap(trial, "riv", repetitions=20)
     assert (bootstrap.failed, len(bootstrap.samples)) == (2, 18)
     fail_at({4, 9, 10}, error)
-    message = r"riv failed on 3 of 20 resampled records, .* 90% of them. The last one failed with: no fit"
+    message = (
+        r"riv failed on 3 of 20 resampled records, .* 90% of them. The last one failed with: no fit"
+    )
     with pytest.raises(DataError, match=message):
         block_bootstrap(trial, "riv", repetitions=20)
 
 
 def test_an_interval_needs_a_sample_in_each_tail():
     samples = pd.DataFrame({"K": np.arange(40.0)})
-    assert Bootstrap(None, samples, 0).intervals() == {"K": (pytest.approx(0.975), pytest.approx(38.025))}
+    assert Bootstrap(None, samples, 0).intervals() == {
+        "K": (pytest.approx(0.975), pytest.approx(38.025))
+    }
     with pytest.raises(ValueError, match=r"level 0.95 needs at least 40 samples, .*; there are 39"):
         Bootstrap(None, samples[:39], 0).intervals()
     assert Bootstrap(None, samples[:4], 0).intervals(level=0.5)["K"] == (0.75, 2.25)

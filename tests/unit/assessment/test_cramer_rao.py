@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, cramer_rao, identify, simulate
-from ankleloop.assessment.cramer_rao import disturbance_spectrum, fisher_information, invert_information
+from ankleloop.assessment.cramer_rao import (
+    disturbance_spectrum,
+    fisher_information,
+    invert_information,
+)
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.spectra import Band
 from ankleloop.simulation.settings import SimulationSettings
@@ -37,7 +41,11 @@ def test_information_against_differences_of_records(number):
     sensitivity = 1.0 / (1.0 + passive / (1.1 * s**2 + 7.1 * s + 250.0))
     settings = SimulationSettings(reflex_gain=1e-6, duration=30.0)
     level = np.std(simulate(**LINEAR, snr_db=None, voluntary=0.0)["torque"].values)
-    noise = disturbance_spectrum(band.frequency, level, settings) * band.density * np.abs(sensitivity) ** 2
+    noise = (
+        disturbance_spectrum(band.frequency, level, settings)
+        * band.density
+        * np.abs(sensitivity) ** 2
+    )
     expected = 2.0 * np.sum(np.abs(slope) ** 2 / noise)
     _, information = information_of(**LINEAR, fed_back=False)
     # The differences see 28 of the 30 seconds.
@@ -71,7 +79,9 @@ def test_spectra_of_simulated_disturbances():
         disturbance = (trial["torque_voluntary"] + trial["torque_noise"]).values
         band = Band(disturbance.size, 1000.0, 0.05, 38.0)
         density = np.abs(band.transform(disturbance)) ** 2 / band.density
-        ratios.append(density / disturbance_spectrum(band.frequency, np.std(clean["torque"].values), settings))
+        ratios.append(
+            density / disturbance_spectrum(band.frequency, np.std(clean["torque"].values), settings)
+        )
     mean = np.mean(ratios, axis=0)
     for low, high in ((0.05, 3.0), (3.0, 10.0), (10.0, 38.0)):
         selection = (band.frequency >= low) & (band.frequency < high)
@@ -111,7 +121,9 @@ def test_the_noise_of_a_recorder_without_a_filter_is_held_white_noise():
     """Its power is that of all frequencies, half of the rate of its draws times its density at zero."""
     settings = SimulationSettings(antialias_cutoff=None, voluntary=0.0)
     density = disturbance_spectrum(np.array([0.0, 20.0, 100.0]), 3.0, settings)
-    expected = 0.1 * 3.0**2 / 50.0 * np.array([1.0, (np.sin(0.2 * np.pi) / (0.2 * np.pi)) ** 2, 0.0])
+    expected = (
+        0.1 * 3.0**2 / 50.0 * np.array([1.0, (np.sin(0.2 * np.pi) / (0.2 * np.pi)) ** 2, 0.0])
+    )
     np.testing.assert_allclose(density, expected, rtol=1e-12, atol=1e-15)
     filtered = disturbance_spectrum(np.array([0.0, 20.0]), 3.0, SimulationSettings(voluntary=0.0))
     # Behind a filter the same ratio takes more noise, of which less is in the band.

@@ -27,7 +27,10 @@ def movements():
 def null_tests(movements):
     """Tests of residuals that are white in the pass band and unrelated to the movement."""
     rng = np.random.default_rng(1)
-    return [residual_test(draw_residual(rng, 2000), movements[k % len(movements)], 100.0) for k in range(600)]
+    return [
+        residual_test(draw_residual(rng, 2000), movements[k % len(movements)], 100.0)
+        for k in range(600)
+    ]
 
 
 @pytest.mark.parametrize("name", ["white_p", "related_p"])
@@ -79,7 +82,9 @@ def test_instruments_in_closed_loop():
     """The residual of the true model does not depend on the reference, though it depends on the position."""
     trial = simulate(seed=1, load=(0.1, 10.0, 100.0), reflex_gain=25.0, voluntary=0.3)
     prepared = prepare(trial)
-    r = prepared.regressors(delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
+    r = prepared.regressors(
+        delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference"
+    )
     instrument = prepared.predict_inputs(r)[:, 0]
     consistent = r.torque - identify(trial, "riv").torque["net"].values
     biased = r.torque - identify(trial, "pr-moesp", basis="rectifier").torque["net"].values
@@ -89,5 +94,7 @@ def test_instruments_in_closed_loop():
 
 
 def test_a_short_residual_is_refused():
-    with pytest.raises(DataError, match=r"3 s have 114 frequencies .* need 150: use a longer record"):
+    with pytest.raises(
+        DataError, match=r"3 s have 114 frequencies .* need 150: use a longer record"
+    ):
         residual_test(np.arange(300.0) % 7, np.arange(300.0), 100.0)

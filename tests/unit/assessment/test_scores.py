@@ -31,7 +31,9 @@ def make_estimate(intrinsic, reflex, net=None, first=FIRST, **fields):
 
 @pytest.fixture(scope="module")
 def perfect(trial):
-    return make_estimate(decimate_variable(trial, "torque_intrinsic"), decimate_variable(trial, "torque_reflex"))
+    return make_estimate(
+        decimate_variable(trial, "torque_intrinsic"), decimate_variable(trial, "torque_reflex")
+    )
 
 
 def percent_vaf(signal, error):
@@ -45,10 +47,15 @@ def percent_vaf(signal, error):
 
 def test_each_row_has_its_own_pair_of_signals(trial):
     """Estimates that are wrong in three ways are scored each against its own truth."""
-    intrinsic, reflex = decimate_variable(trial, "torque_intrinsic"), decimate_variable(trial, "torque_reflex")
+    intrinsic, reflex = (
+        decimate_variable(trial, "torque_intrinsic"),
+        decimate_variable(trial, "torque_reflex"),
+    )
     rng = np.random.default_rng(1)
     errors = [0.3 * rng.standard_normal(intrinsic.size) for _ in range(3)]
-    estimate = make_estimate(intrinsic + errors[0], reflex + 2 * errors[1], net=intrinsic + reflex + 4 * errors[2])
+    estimate = make_estimate(
+        intrinsic + errors[0], reflex + 2 * errors[1], net=intrinsic + reflex + 4 * errors[2]
+    )
     inside = slice(100, -100)
     measured = decimate_variable(trial, "torque")
     expected = [
@@ -68,12 +75,16 @@ def test_rows_without_truths(trial):
     assert list(table.columns) == ["torque", "against", "vaf"]
     rows = [("net", "measured"), ("intrinsic", "measured"), ("reflex", "measured")]
     assert list(table[["torque", "against"]].itertuples(index=False, name=None)) == rows
-    np.testing.assert_allclose(table["vaf"], 100 * (1 - np.array([0.25, 0.75, 0.5]) ** 2), atol=1e-10)
+    np.testing.assert_allclose(
+        table["vaf"], 100 * (1 - np.array([0.25, 0.75, 0.5]) ** 2), atol=1e-10
+    )
 
 
 def test_a_path_without_torque_is_not_scored():
     trial = simulate(seed=3, duration=20.0, reflex_gain=0.0)
-    table = evaluate(trial, make_estimate(decimate_variable(trial, "torque_intrinsic"), np.zeros(1900)))
+    table = evaluate(
+        trial, make_estimate(decimate_variable(trial, "torque_intrinsic"), np.zeros(1900))
+    )
     assert table["torque"].tolist() == ["net", "net", "intrinsic"]
 
 
@@ -85,17 +96,23 @@ def test_trimming(trial, perfect, trim, samples):
     if samples:
         intrinsic[:samples] = 1e3
         intrinsic[-samples:] = np.nan
-    scores = evaluate(trial, make_estimate(intrinsic, reflex), **default).set_index(["torque", "against"])["vaf"]
+    scores = evaluate(trial, make_estimate(intrinsic, reflex), **default).set_index(
+        ["torque", "against"]
+    )["vaf"]
     assert scores["intrinsic", "true"] == pytest.approx(100.0, abs=1e-10)
     for sample in (samples, -samples - 1):
         intrinsic = perfect.torque["intrinsic"].values.copy()
         intrinsic[sample] += 100.0
-        scores = evaluate(trial, make_estimate(intrinsic, reflex), **default).set_index(["torque", "against"])["vaf"]
+        scores = evaluate(trial, make_estimate(intrinsic, reflex), **default).set_index(
+            ["torque", "against"]
+        )["vaf"]
         assert scores["intrinsic", "true"] < 80
 
 
 def test_an_estimate_shorter_than_the_trim(trial):
-    with pytest.raises(DataError, match=r"the estimate covers 1\.99 s; nothing is left after a trim of 1 s"):
+    with pytest.raises(
+        DataError, match=r"the estimate covers 1\.99 s; nothing is left after a trim of 1 s"
+    ):
         evaluate(trial, make_estimate(*np.ones((2, 200))))
 
 
@@ -131,7 +148,12 @@ def test_parameters_of_an_estimate(trial):
         assert row[name] == value
     assert row["in_band_snr_db"] == in_band_snr(prepare(trial), estimate)
     assert row["spectral_radius"] == pytest.approx(np.abs(estimate.model.poles()).max())
-    assert (row["order"], row["stable"], row["reference"], row["warnings"]) == (2, True, "reference", "")
+    assert (row["order"], row["stable"], row["reference"], row["warnings"]) == (
+        2,
+        True,
+        "reference",
+        "",
+    )
 
 
 def test_truths_can_be_ignored():
@@ -156,7 +178,9 @@ def test_the_error_of_the_poles_is_their_largest_distance_from_the_true_ones(set
     trial = simulate(seed=1, duration=20.0, **settings)
 
     def row(poles):
-        return parameter_row(trial, make_estimate(*np.ones((2, 1900)), diagnostics={"poles": poles}))
+        return parameter_row(
+            trial, make_estimate(*np.ones((2, 1900)), diagnostics={"poles": poles})
+        )
 
     moved = truth[::-1] + 0.01 * np.arange(truth.size)  # in another order
     assert row(moved)["pole_error"] == pytest.approx(0.01 * (truth.size - 1), rel=1e-9)

@@ -35,7 +35,9 @@ CHANGES = {  # of a setting, and what it changes: mean and place of the largest 
 
 def information_of(seed, knots, *, known_delay=True, **settings):
     settings = SimulationSettings.parse("test", **settings)
-    equations, _, information = trajectory_information(seed, settings, knots, known_delay=known_delay)
+    equations, _, information = trajectory_information(
+        seed, settings, knots, known_delay=known_delay
+    )
     return information, equations.bases
 
 
@@ -54,11 +56,15 @@ def test_information_against_differences_of_records(name):
     truth = OPEN.get(name, getattr(SimulationSettings(), name))
     # A delay is a whole number of steps of the simulation.
     step = 0.001 if name == "delay" else 0.002 * truth
-    slope = (torque_of_cycles(**{name: truth + step}) - torque_of_cycles(**{name: truth - step})) / (2 * step)
+    slope = (
+        torque_of_cycles(**{name: truth + step}) - torque_of_cycles(**{name: truth - step})
+    ) / (2 * step)
     frequency = np.fft.rfftfreq(slope.size, 0.01)
     inside = (frequency >= 0.05) & (frequency <= 38.0)
     clean = simulate(seed=4, snr_db=None, voluntary=0.0, **OPEN)["torque"].values
-    noise = disturbance_spectrum(frequency[inside], float(np.std(clean)), SimulationSettings.parse("test", **OPEN))
+    noise = disturbance_spectrum(
+        frequency[inside], float(np.std(clean)), SimulationSettings.parse("test", **OPEN)
+    )
     energy = np.abs(np.fft.rfft(slope)[inside]) ** 2 / slope.size
     expected = 2.0 * np.sum(energy / (50.0 * noise))
     information, bases = information_of(4, (16, 16, 16), known_delay=False, **OPEN)
@@ -78,7 +84,9 @@ def test_means_have_the_information_of_a_constant_joint(variation, shares):
     """But for what repeats: with switches 200 ms apart the reflex acts at the same phases of all cycles of 1.4 s."""
     settings = {"load": LIGHT, "voluntary": 0.3, "duration": 210.0}
     clean = prepare(simulate(seed=3, snr_db=None, **settings | {"voluntary": 0.0}))
-    names, constant = fisher_information(clean, SimulationSettings.parse("test", **settings), fed_back=False)
+    names, constant = fisher_information(
+        clean, SimulationSettings.parse("test", **settings), fed_back=False
+    )
     information, bases = information_of(3, (12, 8, 12), variation=variation, **settings)
     stiffness, viscosity, gain, inertia = bases.blocks
     sums = np.zeros((len(information), len(names)))
@@ -93,10 +101,18 @@ def test_means_have_the_information_of_a_constant_joint(variation, shares):
 
 @pytest.mark.parametrize("variation", ["cycle", "time", "schedule"])
 def test_bounds_shrink_with_the_noise_and_grow_with_the_knots(variation):
-    settings = {"seed": 1, "variation": variation, "duration": 30.0, "stiffness_variation": 0.3, "pole": 60.0}
+    settings = {
+        "seed": 1,
+        "variation": variation,
+        "duration": 30.0,
+        "stiffness_variation": 0.3,
+        "pole": 60.0,
+    }
     loud = trajectory_bound(snr_db=10.0, voluntary=0.05, known_delay=False, **settings)
     quiet = trajectory_bound(snr_db=30.0, voluntary=0.005, known_delay=False, **settings)
-    few = trajectory_bound(snr_db=10.0, voluntary=0.05, known_delay=False, knots=(6, 4, 6), **settings)
+    few = trajectory_bound(
+        snr_db=10.0, voluntary=0.05, known_delay=False, knots=(6, 4, 6), **settings
+    )
     for name in ("K", "B", "G", "I", "omega_n", "zeta", "pole", "delay"):
         np.testing.assert_allclose(loud[name] / quiet[name], 10.0, rtol=1e-6)
     for name in "KBG":
@@ -110,7 +126,10 @@ def test_bounds_shrink_with_the_noise_and_grow_with_the_knots(variation):
         ({}, "derived for a joint that varies"),
         ({"variation": "cycle", "reflex_threshold": 0.1}, "set .* reflex_threshold=0"),
         ({"variation": "cycle", "snr_db": None, "voluntary": 0.0}, "and snr_db or voluntary"),
-        ({"variation": "cycle", "knots": (2, 8, 12)}, "trajectory_bound: knots of cubic splines must be at least 4"),
+        (
+            {"variation": "cycle", "knots": (2, 8, 12)},
+            "trajectory_bound: knots of cubic splines must be at least 4",
+        ),
         ({"variation": "cycle", "known_delay": 1}, "known_delay must be"),
     ],
 )

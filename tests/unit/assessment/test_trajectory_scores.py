@@ -78,7 +78,9 @@ def test_trajectories_over_something_else_and_constant_joints_have_no_scores():
 
 def test_the_truth_is_that_of_the_simulation():
     for variation in ("cycle", "time", "schedule"):
-        trial = simulate(seed=1, duration=20.0, variation=variation, stiffness_variation=0.4, stiffness_peak=0.3)
+        trial = simulate(
+            seed=1, duration=20.0, variation=variation, stiffness_variation=0.4, stiffness_peak=0.3
+        )
         truths = true_trajectories(trial)
         (dimension,) = truths.sizes
         place = truths[dimension] / (20.0 if variation == "time" else 1.0)
@@ -92,7 +94,9 @@ def test_rows_of_tables_hold_the_scores_of_varying_and_of_constant_estimates():
     constant = parameter_row(trial, identify(trial, "riv"))
     assert varying["K_nrmse"] < 10.0 < constant["K_nrmse"]
     # Of a cosine, a constant misses all but its mean.
-    assert constant["K_nrmse"] == pytest.approx(np.hypot(100 * 0.4 / np.sqrt(2), constant["K_bias"]), rel=0.02)
+    assert constant["K_nrmse"] == pytest.approx(
+        np.hypot(100 * 0.4 / np.sqrt(2), constant["K_bias"]), rel=0.02
+    )
     assert varying["variation_p"] < 1e-6
     assert varying["cycles"] == 19
     assert "variation_p" not in constant

@@ -6,7 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop import new_trial, simulate
-from ankleloop.checks.channels import CHANNEL_CHECKS, check_clipping, check_gaps, check_rest, check_spikes
+from ankleloop.checks.channels import (
+    CHANNEL_CHECKS,
+    check_clipping,
+    check_gaps,
+    check_rest,
+    check_spikes,
+)
 from ankleloop.joint.prepared import prepare
 
 
@@ -16,7 +22,9 @@ def with_torque(values, rate=1000.0, **channels):
 
 
 def faults_of(trial):
-    findings = [check(prepare(trial), name) for check in CHANNEL_CHECKS for name in ("position", "torque")]
+    findings = [
+        check(prepare(trial), name) for check in CHANNEL_CHECKS for name in ("position", "torque")
+    ]
     return [finding for finding in findings if finding.verdict != "ok"]
 
 
@@ -26,7 +34,9 @@ def count_clipped(x):
     for edge, levels in ((x.max(), np.unique(x)[::-1]), (x.min(), np.unique(x))):
         text = "".join("1" if value == edge else "0" for value in x)
         nearby = np.mean([np.sum(x == level) for level in levels[1:6]])
-        numbers.append(text.count("1") if "11111" in text and text.count("1") > 5 * max(nearby, 1) else 0)
+        numbers.append(
+            text.count("1") if "11111" in text and text.count("1") > 5 * max(nearby, 1) else 0
+        )
     return max(numbers)
 
 
@@ -60,7 +70,10 @@ def test_a_rest_counts_where_another_channel_moves():
     torque = moving.copy()
     torque[4000:5500] = 0.3
     finding = check_rest(with_torque(torque), "torque")
-    assert "1500 samples (15 %) of the torque keep one value, first from 4000 to 5499 (4 … 5.499 s)" in finding.text
+    assert (
+        "1500 samples (15 %) of the torque keep one value, first from 4000 to 5499 (4 … 5.499 s)"
+        in finding.text
+    )
     position = 0.01 * np.sin(np.arange(10_000) / 50.0)
     position[4000:5500] = 0.002
     both = with_torque(torque, position=position)  # a perturbation that pauses
@@ -75,7 +88,8 @@ def test_a_rest_counts_where_another_channel_moves():
 def test_a_coarse_converter_is_no_fault():
     trial = simulate(seed=1, duration=10.0)
     coarse = trial.assign(
-        torque=trial["torque"].round(0), position=trial["position"].copy(data=np.round(trial["position"] / 2e-3) * 2e-3)
+        torque=trial["torque"].round(0),
+        position=trial["position"].copy(data=np.round(trial["position"] / 2e-3) * 2e-3),
     )
     assert faults_of(coarse) == []
 
@@ -88,7 +102,12 @@ def test_a_spike_stands_out_at_any_rate_and_a_step_does_not(rate):
     spike, step = trial["torque"].values.copy(), trial["torque"].values.copy()
     spike[sample] += size
     step[sample:] += size
-    assert check_spikes(prepare(trial.assign(torque=trial["torque"].copy(data=step))), "torque").verdict == "ok"
+    assert (
+        check_spikes(
+            prepare(trial.assign(torque=trial["torque"].copy(data=step))), "torque"
+        ).verdict
+        == "ok"
+    )
     finding = check_spikes(prepare(trial.assign(torque=trial["torque"].copy(data=spike))), "torque")
     assert f"at sample {sample} (" in finding.text
 
@@ -104,7 +123,12 @@ def test_a_spike_is_five_times_as_high_as_the_usual_peak():
 def test_sparse_pulses_are_no_spikes():
     for seed in range(3):
         trial = simulate(
-            seed=seed, duration=20.0, perturbation="pulses", switching_interval=2.0, closed_loop=False, snr_db=None
+            seed=seed,
+            duration=20.0,
+            perturbation="pulses",
+            switching_interval=2.0,
+            closed_loop=False,
+            snr_db=None,
         )
         assert faults_of(trial) == []
 

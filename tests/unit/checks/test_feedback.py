@@ -11,11 +11,18 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.signals.reference import project_on_reference, unseen_share
 
 ASSUMED = np.array([1.1, 7.1, 250.0])
-LOADS = {"assumed": ASSUMED, "light": (0.1, 10.0, 100.0), "stiff": 10 * ASSUMED, "stiffer": 100 * ASSUMED}
+LOADS = {
+    "assumed": ASSUMED,
+    "light": (0.1, 10.0, 100.0),
+    "stiff": 10 * ASSUMED,
+    "stiffer": 100 * ASSUMED,
+}
 
 
 def regressors(trial):
-    return prepare(trial).regressors(delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
+    return prepare(trial).regressors(
+        delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference"
+    )
 
 
 def run_feedback_test(*trials):
@@ -25,16 +32,22 @@ def run_feedback_test(*trials):
 def shake(trial, seed, size):
     """A servo that does not follow: part of its command, below 8 Hz, is missing in the recorded reference."""
     movement = sps.sosfiltfilt(
-        sps.butter(2, 8.0, fs=1000.0, output="sos"), np.random.default_rng(seed).standard_normal(trial.sizes["time"])
+        sps.butter(2, 8.0, fs=1000.0, output="sos"),
+        np.random.default_rng(seed).standard_normal(trial.sizes["time"]),
     )
     reference = trial["reference"]
-    return trial.assign(reference=reference + size * float(reference.std()) * movement / movement.std())
+    return trial.assign(
+        reference=reference + size * float(reference.std()) * movement / movement.std()
+    )
 
 
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize("duration", [15.0, 50.0])
 def test_feedback_is_detected(load, duration):
-    tests = [run_feedback_test(simulate(seed=seed, load=LOADS[load], duration=duration)) for seed in range(8)]
+    tests = [
+        run_feedback_test(simulate(seed=seed, load=LOADS[load], duration=duration))
+        for seed in range(8)
+    ]
     assert [test.loop for test in tests] == ["closed"] * 8
     assert min(test.work for test in tests) > 0.05
 
@@ -43,7 +56,9 @@ def test_feedback_is_detected(load, duration):
 @pytest.mark.parametrize("duration", [10.0, 50.0])
 def test_a_stiff_servo_is_open_in_a_short_record_too(voluntary, duration):
     for seed in range(6):
-        test = run_feedback_test(simulate(seed=seed, closed_loop=False, voluntary=voluntary, duration=duration))
+        test = run_feedback_test(
+            simulate(seed=seed, closed_loop=False, voluntary=voluntary, duration=duration)
+        )
         assert test.loop == "open"
         assert test.limit < 0.1
 
@@ -75,8 +90,12 @@ def test_bias_is_that_of_least_squares(stiffer, voluntary):
     differences, tests = [], []
     for seed in range(6):
         options = {"seed": seed, "voluntary": voluntary, "load": stiffer * ASSUMED}
-        closed, opened = (simulate(**options, closed_loop=closed_loop) for closed_loop in (True, False))
-        differences.append(fit_stiffness([regressors(closed)]) - fit_stiffness([regressors(opened)]))
+        closed, opened = (
+            simulate(**options, closed_loop=closed_loop) for closed_loop in (True, False)
+        )
+        differences.append(
+            fit_stiffness([regressors(closed)]) - fit_stiffness([regressors(opened)])
+        )
         tests.append(run_feedback_test(closed))
     expected = np.mean(differences) / 1.5
     assert np.mean([test.bias for test in tests]) == pytest.approx(expected, rel=0.2)
@@ -87,7 +106,9 @@ def test_feedback_that_is_hidden_is_not_called_open():
     """A shaking servo hides feedback that biases K by four per cent: with time it is detected, and never excluded."""
     outcomes = {10.0: [], 60.0: []}
     for seed in range(8):
-        trial = shake(simulate(seed=seed, load=30 * ASSUMED, voluntary=1.0, duration=60.0), seed, 0.1)
+        trial = shake(
+            simulate(seed=seed, load=30 * ASSUMED, voluntary=1.0, duration=60.0), seed, 0.1
+        )
         for duration, tests in outcomes.items():
             tests.append(run_feedback_test(segment(trial, 0.0, duration)))
     assert {test.loop for test in outcomes[10.0]} == {"undecided"}
@@ -102,7 +123,11 @@ def test_feedback_that_is_hidden_is_not_called_open():
 def test_a_servo_that_does_not_follow_is_not_feedback(gain):
     """The torque follows a movement that the reference does not explain; an active reflex even does work."""
     tests = [
-        run_feedback_test(shake(simulate(seed=seed, closed_loop=False, reflex_gain=gain, duration=60.0), seed, 0.1))
+        run_feedback_test(
+            shake(
+                simulate(seed=seed, closed_loop=False, reflex_gain=gain, duration=60.0), seed, 0.1
+            )
+        )
         for seed in range(12)
     ]
     assert "closed" not in {test.loop for test in tests}
@@ -131,7 +156,12 @@ class Signals:
 
     def __init__(self, position, torque, reference):
         velocity = np.gradient(position, 0.01)
-        columns = [position, velocity, np.gradient(velocity, 0.01), np.maximum(np.roll(velocity, 4), 0.0)]
+        columns = [
+            position,
+            velocity,
+            np.gradient(velocity, 0.01),
+            np.maximum(np.roll(velocity, 4), 0.0),
+        ]
         self.inputs, self.torque, self.reference = np.column_stack(columns), torque, reference
 
 
@@ -158,7 +188,9 @@ def share(trial):
 def test_share_of_the_position_that_the_reference_predicts():
     trial = simulate(seed=1)
     assert share(trial) == pytest.approx(0.95, abs=0.02)
-    other = trial.assign(reference=trial["reference"].copy(data=simulate(seed=2)["reference"].values))
+    other = trial.assign(
+        reference=trial["reference"].copy(data=simulate(seed=2)["reference"].values)
+    )
     assert share(other) < 0.02
 
 
@@ -169,7 +201,9 @@ def test_paths_are_correlated_by_a_prbs_and_not_by_pulses():
     pulses = [regressors(simulate(**options, perturbation="pulses", switching_interval=0.2))]
     assert fit_stiffness(prbs) == pytest.approx(150.0, rel=2e-3)
     motion = prbs[0].inputs[40:, :3] - prbs[0].inputs[40:, :3].mean(axis=0)
-    without = np.linalg.lstsq(motion, prbs[0].torque[40:] - prbs[0].torque[40:].mean(), rcond=None)[0][0]
+    without = np.linalg.lstsq(motion, prbs[0].torque[40:] - prbs[0].torque[40:].mean(), rcond=None)[
+        0
+    ][0]
     assert path_bias(prbs) == pytest.approx(100 * (without / fit_stiffness(prbs) - 1), rel=1e-6)
     assert path_bias(prbs) > 25
     assert abs(path_bias(pulses)) < 5

@@ -39,7 +39,9 @@ def test_least_squares_by_products_is_least_squares(trial):
     signals = motion.signals.T
     values, residual, *_ = np.linalg.lstsq(signals[:, :3], signals[:, 3], rcond=None)
     np.testing.assert_allclose(motion.stiffness, values, rtol=1e-8)
-    assert motion.explained == pytest.approx(1.0 - residual[0] / np.sum(signals[:, 3] ** 2), abs=1e-9)
+    assert motion.explained == pytest.approx(
+        1.0 - residual[0] / np.sum(signals[:, 3] ** 2), abs=1e-9
+    )
 
 
 def test_a_torque_without_noise_is_explained():
@@ -76,18 +78,27 @@ def test_correlations_of_the_reference_against_numpy(trial):
     later, position, torque = reference_correlations(prepare(trial), motion.grid, "reference")
     matrix = np.corrcoef([reference, motion.signals[0], motion.signals[3]]) ** 2
     assert (position, torque) == pytest.approx((matrix[0, 1], matrix[0, 2]), abs=1e-9)
-    shifted = [np.corrcoef(reference[:-lag], motion.signals[0, lag:])[0, 1] ** 2 for lag in range(1, 11)]
+    shifted = [
+        np.corrcoef(reference[:-lag], motion.signals[0, lag:])[0, 1] ** 2 for lag in range(1, 11)
+    ]
     assert later == pytest.approx(max(position, *shifted), abs=0.02)
 
 
 def test_an_unrelated_reference_is_refused_at_any_length():
-    options = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
+    options = {
+        "delay": 0.04,
+        "basis": "rectifier",
+        "identification_rate": 100.0,
+        "reference": "reference",
+    }
     for duration in (12.0, 30.0):
         for seed in range(4):
             trial = simulate(seed=seed, duration=duration)
             assert check_reference([prepare(trial).regressors(**options)]).verdict == "ok"
             other = simulate(seed=seed + 50, duration=duration)["reference"]
-            finding = check_reference([prepare(trial.assign(reference=other)).regressors(**options)])
+            finding = check_reference(
+                [prepare(trial.assign(reference=other)).regressors(**options)]
+            )
             assert finding.verdict == "refused"
 
 
@@ -120,7 +131,9 @@ def test_dependent_movements_have_the_shortest_solution():
     assert motion.explained == pytest.approx(1.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("noise", "verdict"), [("hum", "warning"), ("white", "warning"), (None, "ok")])
+@pytest.mark.parametrize(
+    ("noise", "verdict"), [("hum", "warning"), ("white", "warning"), (None, "ok")]
+)
 @pytest.mark.parametrize("frequency", [20.0, 60.0])
 def test_noise_of_the_position_is_told_from_a_fast_movement(noise, verdict, frequency):
     trial = simulate(seed=1, actuator_frequency=frequency)
@@ -137,6 +150,12 @@ def test_noise_of_the_position_is_told_from_a_fast_movement(noise, verdict, freq
 def test_samples_that_were_left_out_without_a_filter_are_seen():
     trial = simulate(seed=1)
     channels = [trial[name].to_numpy() for name in ("position", "torque", "reference")]
-    for thin, verdict in ((lambda x: x[::10], "warning"), (lambda x: signal.decimate(x, 10, ftype="fir"), "ok")):
+    for thin, verdict in (
+        (lambda x: x[::10], "warning"),
+        (lambda x: signal.decimate(x, 10, ftype="fir"), "ok"),
+    ):
         position, torque, reference = map(thin, channels)
-        assert check_bandwidth(prepare(new_trial(position, torque, 100.0, reference))).verdict == verdict
+        assert (
+            check_bandwidth(prepare(new_trial(position, torque, 100.0, reference))).verdict
+            == verdict
+        )

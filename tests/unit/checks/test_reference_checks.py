@@ -70,7 +70,9 @@ def test_the_rate_of_the_identification_does_not_matter(rate):
     trial = simulate(seed=8, duration=20.0, load=(0.11, 0.71, 25.0), reflex_gain=5.0)
     kinds = {}
     for name, data in (("good", trial), ("exchanged", exchange(trial))):
-        warnings = identify(data, "parallel-cascade", identification_rate=rate).diagnostics["warnings"]
+        warnings = identify(data, "parallel-cascade", identification_rate=rate).diagnostics[
+            "warnings"
+        ]
         kinds[name] = any("ahead of reference" in text for text in warnings)
     assert kinds == {"good": False, "exchanged": True}
 

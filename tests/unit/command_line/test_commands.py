@@ -21,14 +21,18 @@ print([name for name in ("matplotlib", "numba", "pandas", "scipy", "xarray") if 
 
 
 def test_help_imports_nothing_that_takes_time():
-    process = subprocess.run([sys.executable, "-c", MODULES], capture_output=True, text=True, check=True)
+    process = subprocess.run(
+        [sys.executable, "-c", MODULES], capture_output=True, text=True, check=True
+    )
     assert process.stdout.splitlines()[-1] == "[]"
 
 
 @pytest.mark.parametrize("program", [["ankleloop"], [sys.executable, "-m", "ankleloop"]])
 def test_both_entries_are_the_command(program):
     path = f"{os.path.dirname(sys.executable)}{os.pathsep}{os.environ['PATH']}"
-    process = subprocess.run([*program, "--version"], capture_output=True, text=True, env={**os.environ, "PATH": path})
+    process = subprocess.run(
+        [*program, "--version"], capture_output=True, text=True, env={**os.environ, "PATH": path}
+    )
     assert (process.returncode, process.stdout) == (0, f"ankleloop {ankleloop.__version__}\n")
 
 
@@ -42,8 +46,16 @@ def test_both_entries_are_the_command(program):
         ),
         (KeyError("delay"), MISTAKE, ["Traceback", "KeyError: 'delay'", "mistake in ankleloop"]),
         (MemoryError("2 GB"), MISTAKE, ["out of memory (2 GB)", "--start S --stop S"]),
-        (ResourceError("x.nc: the file cannot be written"), MISTAKE, ["error: x.nc: the file cannot be written"]),
-        (OSError(28, "No space left on device", "/tmp/x"), MISTAKE, ["No space left on device: '/tmp/x'", "the disk"]),
+        (
+            ResourceError("x.nc: the file cannot be written"),
+            MISTAKE,
+            ["error: x.nc: the file cannot be written"],
+        ),
+        (
+            OSError(28, "No space left on device", "/tmp/x"),
+            MISTAKE,
+            ["No space left on device: '/tmp/x'", "the disk"],
+        ),
         (KeyboardInterrupt(), INTERRUPTED, ["interrupted"]),
     ],
 )
@@ -101,9 +113,15 @@ def test_warnings_of_the_library_are_lines(run, monkeypatch):
 )
 def test_messages_name_the_command(capsys, message, options):
     show_correction(message, ["check", "a b.csv"])
-    assert capsys.readouterr().err == (f"next: ankleloop check 'a b.csv' {options}\n" if options else "")
+    assert capsys.readouterr().err == (
+        f"next: ankleloop check 'a b.csv' {options}\n" if options else ""
+    )
 
 
 def test_a_sign_that_was_turned_is_turned_back(capsys):
-    show_correction("Set torque_sign: -1 (turn round the torque)", ["check", "a.csv", "--torque-sign", "-1"])
-    assert capsys.readouterr().err == "next: ankleloop check a.csv --torque-sign -1 --torque-sign 1\n"
+    show_correction(
+        "Set torque_sign: -1 (turn round the torque)", ["check", "a.csv", "--torque-sign", "-1"]
+    )
+    assert (
+        capsys.readouterr().err == "next: ankleloop check a.csv --torque-sign -1 --torque-sign 1\n"
+    )

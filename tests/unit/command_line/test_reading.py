@@ -14,7 +14,13 @@ WAVE = np.sin(np.arange(300) / 20)
 
 
 def write_columns(path, *names):
-    np.savetxt(path, np.column_stack([WAVE + k for k, _ in enumerate(names)]), "%.5f", ",", header=",".join(names))
+    np.savetxt(
+        path,
+        np.column_stack([WAVE + k for k, _ in enumerate(names)]),
+        "%.5f",
+        ",",
+        header=",".join(names),
+    )
     path.write_text(path.read_text().removeprefix("# "))
     return path
 
@@ -24,25 +30,59 @@ def write_columns(path, *names):
     [
         (("position", "torque"), ("position", "torque", None, "rad")),
         (("t", "Angle", "Moment", "Command"), ("Angle", "Moment", "Command", "rad")),
-        (("ankle_angle_deg", "ankleTorque_Nm", "ref"), ("ankle_angle_deg", "ankleTorque_Nm", "ref", "deg")),
-        (("angle [deg]", "angle_velocity", "tq", "angleCmd"), ("angle [deg]", "tq", "angleCmd", "deg")),
+        (
+            ("ankle_angle_deg", "ankleTorque_Nm", "ref"),
+            ("ankle_angle_deg", "ankleTorque_Nm", "ref", "deg"),
+        ),
+        (
+            ("angle [deg]", "angle_velocity", "tq", "angleCmd"),
+            ("angle [deg]", "tq", "angleCmd", "deg"),
+        ),
         (("theta", "trq", "torque_reflex", "torque_noise"), ("theta", "trq", None, "rad")),
-        (("pos", "torque", "torque_reference", "set_point", "setpoint"), ("pos", "torque", "setpoint", "rad")),
+        (
+            ("pos", "torque", "torque_reference", "set_point", "setpoint"),
+            ("pos", "torque", "setpoint", "rad"),
+        ),
     ],
 )
 def test_names_that_leave_no_choice(tmp_path, names, expected):
     recording = map_file(write_columns(tmp_path / "a.csv", *names))
-    assert (recording.position, recording.torque, recording.reference, recording.position_unit) == expected
+    assert (
+        recording.position,
+        recording.torque,
+        recording.reference,
+        recording.position_unit,
+    ) == expected
 
 
 @pytest.mark.parametrize(
     ("names", "words", "option"),
     [
-        (("position", "angle", "torque"), "2 variables may be the position: position, angle.", "--position NAME"),
-        (("angle", "left_torque", "right_torque"), "2 variables may be the torque: left_torque,", "--torque NAME"),
-        (("angle", "torque", "ref", "cmd"), "2 variables may be the reference: ref, cmd.", "--no-reference"),
-        (("x", "torque"), "no variable is called position or pos or angle or theta", "--position NAME"),
-        (("angle", "force"), "no variable is called torque or moment or tq or trq", "--torque NAME"),
+        (
+            ("position", "angle", "torque"),
+            "2 variables may be the position: position, angle.",
+            "--position NAME",
+        ),
+        (
+            ("angle", "left_torque", "right_torque"),
+            "2 variables may be the torque: left_torque,",
+            "--torque NAME",
+        ),
+        (
+            ("angle", "torque", "ref", "cmd"),
+            "2 variables may be the reference: ref, cmd.",
+            "--no-reference",
+        ),
+        (
+            ("x", "torque"),
+            "no variable is called position or pos or angle or theta",
+            "--position NAME",
+        ),
+        (
+            ("angle", "force"),
+            "no variable is called torque or moment or tq or trq",
+            "--torque NAME",
+        ),
     ],
 )
 def test_names_that_leave_a_choice_are_not_guessed(run, tmp_path, names, words, option):
@@ -51,8 +91,9 @@ def test_names_that_leave_a_choice_are_not_guessed(run, tmp_path, names, words, 
         result = run(*verb, path)
         assert result.status == 2
         assert f"a.csv: {words}" in " ".join(result.err.split())
-        assert f"Option that decides: {option.split()[0] if option == '--no-reference' else option}" in (
-            " ".join(result.err.split()).replace("--reference NAME, or ", "")
+        assert (
+            f"Option that decides: {option.split()[0] if option == '--no-reference' else option}"
+            in (" ".join(result.err.split()).replace("--reference NAME, or ", ""))
         )
     assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
 
@@ -84,7 +125,10 @@ def test_stated_units(tmp_path, capsys):
         (["--torque-sign", "2"], "'--torque-sign'"),
         (["--sampling-rate", "0"], "sampling_rate must be between 0.001 and 1e9 Hz, got 0.0."),
         (["--start", "5", "--stop", "3"], "stop (3 s) must be after start (5 s)"),
-        (["--reference", "ref", "--no-reference"], "--reference and --no-reference exclude each other."),
+        (
+            ["--reference", "ref", "--no-reference"],
+            "--reference and --no-reference exclude each other.",
+        ),
         (["--torque", "angle"], "position and torque are the same variable, 'angle'"),
     ],
 )

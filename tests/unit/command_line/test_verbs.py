@@ -37,12 +37,18 @@ SCRIPTS = ROOT / "workflow" / "scripts"
 def turned(trial, path):
     """The trial with its torque turned round, as a file."""
     signals = (trial.position, -trial.torque, trial.attrs["sampling_rate"], trial.reference)
-    write_recording(new_trial(*(getattr(signal, "values", signal) for signal in signals)), path, "hdf5")
+    write_recording(
+        new_trial(*(getattr(signal, "values", signal) for signal in signals)), path, "hdf5"
+    )
     return path
 
 
 def contents(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 # --- check
@@ -93,7 +99,12 @@ def test_plan_refuses_what_it_cannot_plan(run, recording, trial, tmp_path):
 
 def run_workflow(path, reading, folder, methods):
     """What the rule `recordings` of the workflow makes of a file."""
-    settings = {"kind": "recordings", "folder": str(path.parent), "files": {"S1-pre": reading}, "methods": methods}
+    settings = {
+        "kind": "recordings",
+        "folder": str(path.parent),
+        "files": {"S1-pre": reading},
+        "methods": methods,
+    }
     study = read_studies({"studies": {"laboratory": settings}})[1]["laboratory"]
     folder.mkdir()
     job = SimpleNamespace(
@@ -127,7 +138,12 @@ def test_identify_makes_what_the_workflow_makes(run, recording, tmp_path, monkey
     result = run("identify", recording, "--method", "pr-moesp", "--subject", "007")
     assert result.status == 0, result.err
     monkeypatch.syspath_prepend(str(SCRIPTS))
-    reading = {"file": recording.name, "position": "angle_deg", "torque": "torque_nm", "reference": "command_deg"}
+    reading = {
+        "file": recording.name,
+        "position": "angle_deg",
+        "torque": "torque_nm",
+        "reference": "command_deg",
+    }
     reading |= {"position_unit": "deg", "subject": "007"}
     methods = {"pr-moesp": usual_methods(reference=True)["pr-moesp"]}
     run_workflow(recording, reading, tmp_path / "workflow", methods)
@@ -165,10 +181,14 @@ def test_identify_refuses(run, trial, tmp_path):
     assert result.status == 1
     assert "refused: Nothing can be concluded from this recording: it was refused." in result.out
     assert set(contents(tmp_path / "a.h5-results")) == {"a.html", "a-parameters.csv"}
-    assert "the torque has the other sign" in (tmp_path / "a.h5-results" / "a.html").read_text(encoding="utf-8")
+    assert "the torque has the other sign" in (tmp_path / "a.h5-results" / "a.html").read_text(
+        encoding="utf-8"
+    )
     command = re.search(r"^next: ankleloop (identify .*)$", result.err, re.MULTILINE)[1]
     assert command == f"identify {tmp_path / 'a.h5'} --torque-sign -1"
-    result = run(*command.split(), "--method", "pr-moesp")  # the page of the refusal is no result that is kept
+    result = run(
+        *command.split(), "--method", "pr-moesp"
+    )  # the page of the refusal is no result that is kept
     assert result.status == 0, result.err
     assert "take PR-MOESP" in result.out
 
@@ -203,9 +223,18 @@ def test_identify_several_files(run, trial, tmp_path):
     ("arguments", "words"),
     [
         (["--option", "order"], "--option order: write it as NAME=VALUE or METHOD.NAME=VALUE."),
-        (["--option", "order=[1"], "--option order=[1: write it as NAME=VALUE or METHOD.NAME=VALUE."),
-        (["--option", "riv.rder=3"], "--option riv.rder: none of the methods riv, pr-moesp, pi-moesp"),
-        (["--option", "riv.order=many"], "riv → options → order: must be one of 2 or 3; got 'many'."),
+        (
+            ["--option", "order=[1"],
+            "--option order=[1: write it as NAME=VALUE or METHOD.NAME=VALUE.",
+        ),
+        (
+            ["--option", "riv.rder=3"],
+            "--option riv.rder: none of the methods riv, pr-moesp, pi-moesp",
+        ),
+        (
+            ["--option", "riv.order=many"],
+            "riv → options → order: must be one of 2 or 3; got 'many'.",
+        ),
         (["--delay", "soon"], "riv → options → delay: must be a finite number"),
     ],
 )
@@ -218,7 +247,9 @@ def test_options_of_methods_that_are_wrong(run, recording, arguments, words):
 def test_the_delay_is_given_or_estimated(recording):
     reading = map_file(recording)
     options = {
-        delay: make_study("S1", recording, reading, ("riv", "pr-moesp"), {"delay": delay}).analysed_methods
+        delay: make_study(
+            "S1", recording, reading, ("riv", "pr-moesp"), {"delay": delay}
+        ).analysed_methods
         for delay in (0.05, None)
     }
     given = {name: method["options"]["delay"] for name, method in options[0.05].items()}
@@ -231,7 +262,9 @@ def test_progress_of_another_process(capfd):
     """The analysis runs in a fork: its log shows which method is being fitted."""
     log = logging.getLogger("ankleloop.recordings.analysis")
     with show_progress():
-        process = get_context("fork").Process(target=log.info, args=("method %d of %d: %s", 1, 2, "riv"))
+        process = get_context("fork").Process(
+            target=log.info, args=("method %d of %d: %s", 1, 2, "riv")
+        )
         process.start()
         process.join()
         logging.getLogger("ankleloop.joint").info("nothing for the user")
@@ -241,7 +274,10 @@ def test_progress_of_another_process(capfd):
 
 def test_a_joint_that_changes(run, tmp_path):
     """The phase of the cycle is a further variable of the file; riv-tv is fitted, and written into a study."""
-    save_trial(simulate(seed=1, duration=40.0, variation="cycle", stiffness_variation=0.4), tmp_path / "a.nc")
+    save_trial(
+        simulate(seed=1, duration=40.0, variation="cycle", stiffness_variation=0.4),
+        tmp_path / "a.nc",
+    )
     cycles = ("--variables", "gait=phase", "--cycle-onsets", "gait")
     result = run("identify", tmp_path / "a.nc", *cycles, "--method", "riv", "--method", "riv-tv")
     assert result.status == 0, result.err
@@ -262,16 +298,27 @@ def test_study_of_recordings(run, trial, recording, tmp_path):
     result = run("study", new, recording, tmp_path / "S2.h5", "--subject", "012")
     assert result.status == 0, result.err
     assert f"snakemake --cores 2 --configfile {new}" in result.err
-    assert result.out.count("torque_sign is -1: as the file has it, the torque does not oppose stretch") == 1
+    assert (
+        result.out.count(
+            "torque_sign is -1: as the file has it, the torque does not oppose stretch"
+        )
+        == 1
+    )
     check_config_file(new)
     text = new.read_text(encoding="utf-8")
     assert max(map(len, text.splitlines())) <= 120
     study = read_run(yaml.safe_load(text), [new])[1]["new"]
     first, second = study.points["S1-pre"], study.points["S2"]
-    assert (first["file"], first["position"], first["position_unit"]) == ("S1 (pre).csv", "angle_deg", "deg")
+    assert (first["file"], first["position"], first["position_unit"]) == (
+        "S1 (pre).csv",
+        "angle_deg",
+        "deg",
+    )
     assert (first["torque_sign"], second["torque_sign"]) == (1, -1)
     assert first["subject"] == second["subject"] == "012"
-    assert "# S2: torque_sign is -1: as the file has it, the torque does not oppose stretch." in text
+    assert (
+        "# S2: torque_sign is -1: as the file has it, the torque does not oppose stretch." in text
+    )
     assert "# S1-pre: warning, length: " in text
     assert study.points["S2"]["paths"] == [str(tmp_path / "S2.h5")]
     before = new.read_bytes()
@@ -319,7 +366,9 @@ def test_a_full_disk_leaves_the_results_of_an_earlier_run(run, recording, tmp_pa
     assert result.status == MISTAKE
     assert "No space left on device" in result.err
     assert "mistake in ankleloop" not in result.err
-    assert [(folder / name).read_text() for name in ("S1-pre.html", "S1-pre/riv.csv")] == ["earlier"] * 2
+    assert [(folder / name).read_text() for name in ("S1-pre.html", "S1-pre/riv.csv")] == [
+        "earlier"
+    ] * 2
 
 
 def test_a_program_that_is_ended_leaves_no_temporary_folder(recording, tmp_path):
@@ -351,9 +400,24 @@ def test_demo(run, tmp_path, monkeypatch):
 
     def analyse(study, folder):
         (point,) = study.points.values()
-        assert (point["paths"], point["position_unit"]) == ([str(tmp_path / "demo" / "demo-csv.csv")], "deg")
-        row = {"recording": "demo-csv", "verdict": "ok", "recommendation": "take riv.", "label": "riv"}
-        row |= {"valid": True, "trusted": True, "recommended": True, "K": 151.0, "K_low": 148.0, "K_high": 154.0}
+        assert (point["paths"], point["position_unit"]) == (
+            [str(tmp_path / "demo" / "demo-csv.csv")],
+            "deg",
+        )
+        row = {
+            "recording": "demo-csv",
+            "verdict": "ok",
+            "recommendation": "take riv.",
+            "label": "riv",
+        }
+        row |= {
+            "valid": True,
+            "trusted": True,
+            "recommended": True,
+            "K": 151.0,
+            "K_low": 148.0,
+            "K_high": 154.0,
+        }
         table = pd.DataFrame([row])
         folder.mkdir(exist_ok=True)
         write_csv(table, folder / "demo-csv-parameters.csv", overwrite=True)
@@ -371,5 +435,7 @@ def test_demo(run, tmp_path, monkeypatch):
     before = contents(folder)
     assert run("demo", "--output", folder, "--duration", "20").status == 2
     assert contents(folder) == before
-    assert run("demo", "--output", folder, "--duration", "20", "--overwrite", "--no-open").status == 0
+    assert (
+        run("demo", "--output", folder, "--duration", "20", "--overwrite", "--no-open").status == 0
+    )
     assert len(opened) == 1

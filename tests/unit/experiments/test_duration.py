@@ -17,7 +17,9 @@ def pilot():
 
 @given(width=st.floats(0.02, 1.0), factor=st.floats(1.0, 3.0))
 def test_the_time_falls_with_the_square_of_the_width(pilot, width, factor):
-    narrow, wide = (plan_duration(pilot, {"K": size}).seconds - 0.66 for size in (width, factor * width))
+    narrow, wide = (
+        plan_duration(pilot, {"K": size}).seconds - 0.66 for size in (width, factor * width)
+    )
     assert narrow == pytest.approx(factor**2 * wide, rel=1e-9)
 
 
@@ -30,7 +32,10 @@ def test_the_parameter_that_takes_longest_decides(pilot):
 
 def test_a_record_of_the_planned_length_has_intervals_of_the_width(pilot):
     plans = [
-        plan_duration(identify(simulate(seed=seed, **{**JOINT, "duration": 15.0}), "riv", delay=0.04), {"K": 0.06})
+        plan_duration(
+            identify(simulate(seed=seed, **{**JOINT, "duration": 15.0}), "riv", delay=0.04),
+            {"K": 0.06},
+        )
         for seed in range(10)
     ]
     widths = []
@@ -40,7 +45,9 @@ def test_a_record_of_the_planned_length_has_intervals_of_the_width(pilot):
         widths.append(np.diff(estimate.intervals["K"])[0] / (2 * estimate.stiffness["K"]))
     assert np.median(widths) == pytest.approx(0.06, rel=0.15)
     from_settings = plan_duration(JOINT, {"K": 0.06})
-    assert np.median([plan.seconds for plan in plans]) == pytest.approx(from_settings.seconds, rel=0.25)
+    assert np.median([plan.seconds for plan in plans]) == pytest.approx(
+        from_settings.seconds, rel=0.25
+    )
 
 
 def test_a_width_that_no_record_reaches(pilot):

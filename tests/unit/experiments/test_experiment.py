@@ -7,7 +7,14 @@ import scipy.io
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ankleloop import DataError, UnstableLoopError, cramer_rao, design_perturbation, identify, simulate
+from ankleloop import (
+    DataError,
+    UnstableLoopError,
+    cramer_rao,
+    design_perturbation,
+    identify,
+    simulate,
+)
 from ankleloop.experiments import perturbation
 from ankleloop.experiments.experiment import Experiment, describe_joint
 from ankleloop.simulation.settings import DWELLS, SimulationSettings
@@ -43,12 +50,15 @@ def test_the_disturbance_is_absolute():
 
 def test_a_level_of_the_torque_sets_voluntary_torque_and_noise():
     small, large = (
-        simulate(seed=2, duration=20.0, voluntary=0.5, torque_level=2.0, amplitude=size) for size in (0.02, 0.04)
+        simulate(seed=2, duration=20.0, voluntary=0.5, torque_level=2.0, amplitude=size)
+        for size in (0.02, 0.04)
     )
     for name in ("torque_voluntary", "torque_noise"):
         np.testing.assert_allclose(small[name], large[name], atol=1e-12)
     assert float(small["torque_noise"].std()) == pytest.approx(2.0 * 10**-0.5, rel=0.05)
-    bounds = [cramer_rao(seed=2, fed_back=False, torque_level=level, **LIGHT) for level in (1.0, 2.0)]
+    bounds = [
+        cramer_rao(seed=2, fed_back=False, torque_level=level, **LIGHT) for level in (1.0, 2.0)
+    ]
     np.testing.assert_allclose([bounds[1][name] / bounds[0][name] for name in bounds[0]], 2.0)
 
 
@@ -59,12 +69,18 @@ def test_an_own_command_replaces_the_perturbation():
     np.testing.assert_array_equal(repeated["reference"], command)
     assert repeated.attrs["perturbation"] == "command"
     # It also precedes the record: the response is that of a command that is periodic.
-    twice = simulate(seed=5, duration=12.0, settling=0.0, command=np.tile(command, 2), snr_db=None, voluntary=0.0)
+    twice = simulate(
+        seed=5, duration=12.0, settling=0.0, command=np.tile(command, 2), snr_db=None, voluntary=0.0
+    )
     once = simulate(seed=5, duration=6.0, settling=6.0, command=command, snr_db=None, voluntary=0.0)
     np.testing.assert_allclose(once["position"], twice["position"][6000:], atol=1e-12)
 
 
-@given(weights=st.lists(st.floats(0.0, 1.0), min_size=11, max_size=11).filter(lambda values: max(values) > 0.01))
+@given(
+    weights=st.lists(st.floats(0.0, 1.0), min_size=11, max_size=11).filter(
+        lambda values: max(values) > 0.01
+    )
+)
 @settings(max_examples=20, deadline=None)
 def test_dwell_times_follow_their_weights(weights):
     chosen = SimulationSettings(perturbation="dwells", dwell_weights=weights)
@@ -78,7 +94,9 @@ def test_dwell_times_follow_their_weights(weights):
     assert np.all(np.abs([found.get(dwell, 0.0) for dwell in DWELLS] - shares) <= margins)
 
 
-@given(share=st.floats(0.05, 0.9), name=st.sampled_from(["torque", "servo_velocity", "joint_velocity"]))
+@given(
+    share=st.floats(0.05, 0.9), name=st.sampled_from(["torque", "servo_velocity", "joint_velocity"])
+)
 @settings(max_examples=8, deadline=None)
 def test_commands_are_within_their_limits(share, name):
     """The limit is a share of what the same command causes without one, and the response is that of the loop."""
@@ -86,7 +104,9 @@ def test_commands_are_within_their_limits(share, name):
 
     def sizes(command):
         clean = free.respond(command)
-        servo = simulate(seed=0, command=command, closed_loop=False, duration=4.0, snr_db=None, voluntary=0.0)
+        servo = simulate(
+            seed=0, command=command, closed_loop=False, duration=4.0, snr_db=None, voluntary=0.0
+        )
         return {
             "torque": float(np.abs(clean.samples["torque"]).max()),
             "joint_velocity": float(np.abs(np.gradient(clean.samples["position"], 1e-3)).mean()),
@@ -96,7 +116,9 @@ def test_commands_are_within_their_limits(share, name):
     [command] = free.draw({}, 2, count=1)
     limit = share * sizes(command)[name]
     [limited] = make_experiment({name: limit}, duration=4.0).draw({}, 2, count=1)
-    assert sizes(limited)[name] == pytest.approx(limit, rel=0.02)  # differences of samples are no derivatives
+    assert sizes(limited)[name] == pytest.approx(
+        limit, rel=0.02
+    )  # differences of samples are no derivatives
     np.testing.assert_allclose(limited / command, limited[0] / command[0])
 
 

@@ -11,7 +11,12 @@ import ankleloop
 from ankleloop.exploration import explorer
 
 NOTEBOOK = Path(__file__).parents[3] / "notebooks" / "explore.ipynb"
-VALUES = {"load_stiffness": 10.0, "load_viscosity": 0.1, "load_inertia": 0.01, "reflex_gain": 40.0}  # unstable
+VALUES = {
+    "load_stiffness": 10.0,
+    "load_viscosity": 0.1,
+    "load_inertia": 0.01,
+    "reflex_gain": 40.0,
+}  # unstable
 
 
 @pytest.fixture
@@ -39,7 +44,10 @@ def test_it_shows_what_the_library_computes(show):
     trial = ankleloop.simulate(seed=1, duration=20.0, reflex_gain=8.0)
     estimate = ankleloop.identify(trial, "riv", delay=0.041)
     low, high = estimate.intervals["K"]
-    assert table.loc["K [N·m/rad]", "B: riv"] == f"{estimate.stiffness['K']:.3g} ({low:.3g} … {high:.3g})"
+    assert (
+        table.loc["K [N·m/rad]", "B: riv"]
+        == f"{estimate.stiffness['K']:.3g} ({low:.3g} … {high:.3g})"
+    )
     assert list(table["true"]) == ["150", "0.8", "0.015", "8", "40", "1", "0.04"]
     scores = ankleloop.evaluate(trial, estimate).set_index(["torque", "against"])["vaf"]
     titles = [axis.get_title() for axis in figure.axes]
@@ -52,7 +60,9 @@ def test_intervals_of_a_method_that_gives_none_are_those_of_the_bootstrap(show):
     assert "…" not in table.loc["K [N·m/rad]", "A: pr-moesp"]
     (_, table), _ = show(bootstrap=True)
     trial = ankleloop.simulate(seed=1, duration=20.0)
-    low, high = ankleloop.block_bootstrap(trial, "pr-moesp", repetitions=40, block=1.5).intervals()["K"]
+    low, high = ankleloop.block_bootstrap(trial, "pr-moesp", repetitions=40, block=1.5).intervals()[
+        "K"
+    ]
     assert table.loc["K [N·m/rad]", "A: pr-moesp"].endswith(f"({low:.3g} … {high:.3g})")
 
 

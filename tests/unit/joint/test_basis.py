@@ -17,7 +17,9 @@ def test_chebyshev_terms_against_the_recurrence_of_the_paper_and_the_cosine(degr
     while len(expected) <= degree:
         expected.append(2 * x * expected[-1] - expected[-2])
     np.testing.assert_allclose(basis(VELOCITY), expected[1:], atol=1e-11)
-    np.testing.assert_allclose(basis(VELOCITY), [np.cos(k * np.arccos(x)) for k in range(1, degree + 1)], atol=1e-8)
+    np.testing.assert_allclose(
+        basis(VELOCITY), [np.cos(k * np.arccos(x)) for k in range(1, degree + 1)], atol=1e-8
+    )
     assert basis.names == tuple(f"chebyshev_{k}" for k in range(1, degree + 1))
 
 

@@ -38,7 +38,9 @@ def test_derivatives_against_differences(values):
 @given(st.floats(12.0, 60.0), st.floats(0.4, 1.6), st.floats(0.5, 20.0))
 def test_the_fit_to_a_low_pass_is_this_low_pass(omega, zeta, gain):
     s = 2j * np.pi * np.linspace(0.1, 38.0, 300)
-    fitted, dynamics, share = fit_dynamics(gain * ReflexDynamics(omega, zeta).response(s)[0], s, np.ones(300))
+    fitted, dynamics, share = fit_dynamics(
+        gain * ReflexDynamics(omega, zeta).response(s)[0], s, np.ones(300)
+    )
     assert fitted == pytest.approx(gain, rel=1e-4)
     assert (dynamics.omega_n, dynamics.zeta) == pytest.approx((omega, zeta), rel=1e-4)
     assert share == pytest.approx(1.0, abs=1e-7)

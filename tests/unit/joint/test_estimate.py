@@ -10,7 +10,9 @@ from ankleloop.joint.regressors import TORQUES, torque_dataset
 
 def make_estimate(**fields):
     torques = np.random.default_rng(0).standard_normal((3, 50))
-    torque = torque_dataset(0.35 + np.arange(50) / 100.0, 100.0, **dict(zip(TORQUES, torques, strict=True)))
+    torque = torque_dataset(
+        0.35 + np.arange(50) / 100.0, 100.0, **dict(zip(TORQUES, torques, strict=True))
+    )
     stiffness = {"K": 150.125, "B": 0.8, "I": 0.1 + 0.2}
     return Estimate("pr-moesp", torque, stiffness, {"delay": 0.04}, **fields)
 
@@ -26,7 +28,9 @@ def test_torques_have_units_and_names():
 
 def test_repr_has_intervals_and_warnings():
     intervals, warnings = {"K": (140.0, 160.25), "G": (12.0, 14.0)}, ["unstable", "short"]
-    lines = repr(make_estimate(intervals=intervals, diagnostics={"warnings": warnings})).splitlines()
+    lines = repr(
+        make_estimate(intervals=intervals, diagnostics={"warnings": warnings})
+    ).splitlines()
     assert lines[0] == "<Estimate by pr-moesp>"
     rows = [line.split() for line in lines[1:6]]
     assert rows[:3] == [
@@ -61,6 +65,11 @@ def test_the_model_is_a_state_space_of_control():
     estimate = identify(simulate(seed=1, duration=12.0), "pr-moesp", basis="rectifier")
     assert estimate.model is estimate.model
     assert estimate.model.dt == 0.01
-    assert estimate.model.input_labels == ["position", "velocity", "acceleration", "rectified_velocity"]
+    assert estimate.model.input_labels == [
+        "position",
+        "velocity",
+        "acceleration",
+        "rectified_velocity",
+    ]
     np.testing.assert_array_equal(estimate.model.A, estimate.matrices.A)
     assert make_estimate().model is None

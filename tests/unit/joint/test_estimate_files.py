@@ -13,8 +13,12 @@ from ankleloop.joint.regressors import TORQUES, torque_dataset
 
 def make_estimate(seed=0, **fields):
     rng = np.random.default_rng(seed)
-    time = 0.35 + np.arange(seed % 7, 50) / 100.0  # records of several lengths, which begin at several times
-    torque = torque_dataset(time, 100.0, **{name: rng.standard_normal(time.size) for name in TORQUES})
+    time = (
+        0.35 + np.arange(seed % 7, 50) / 100.0
+    )  # records of several lengths, which begin at several times
+    torque = torque_dataset(
+        time, 100.0, **{name: rng.standard_normal(time.size) for name in TORQUES}
+    )
     stiffness = {"K": 150.0 + rng.standard_normal(), "B": 0.8, "I": 0.1 + 0.2}
     return Estimate("pr-moesp", torque, stiffness, {"delay": 0.04}, **fields)
 
@@ -28,7 +32,9 @@ def collect(index, precision="double"):
 
 
 def save(estimates, path, precision="double", **options):
-    collect({("only", number): estimate for number, estimate in enumerate(estimates)}, precision).write(path, **options)
+    collect(
+        {("only", number): estimate for number, estimate in enumerate(estimates)}, precision
+    ).write(path, **options)
 
 
 def load(path):
@@ -42,7 +48,11 @@ def test_loaded_estimates_predict(tmp_path, method):
     estimates = [identify(trial, method, **options) for trial in trials]
     save(estimates, tmp_path / "estimates.nc", "single")
     for loaded, saved in zip(load(tmp_path / "estimates.nc"), estimates, strict=True):
-        assert (loaded.method, loaded.stiffness, loaded.reflex) == (method, saved.stiffness, saved.reflex)
+        assert (loaded.method, loaded.stiffness, loaded.reflex) == (
+            method,
+            saved.stiffness,
+            saved.reflex,
+        )
         assert loaded.intervals == saved.intervals
         assert_same_values(loaded.diagnostics, saved.diagnostics)
         if method == "real-time":
@@ -64,9 +74,15 @@ def test_the_file_is_a_plain_table(tmp_path):
     ("change", "message"),
     [
         (lambda path: path.unlink(), r"estimates.nc: there is no such file"),
-        (lambda path: path.write_bytes(path.read_bytes()[:3000]), "not a readable estimate file .*: delete it"),
+        (
+            lambda path: path.write_bytes(path.read_bytes()[:3000]),
+            "not a readable estimate file .*: delete it",
+        ),
         (lambda path: path.write_text("torques"), "not a readable estimate file .*: delete it"),
-        (lambda path: pd.DataFrame({"net": [1.0]}).to_parquet(path), "not a readable estimate file .*: delete it"),
+        (
+            lambda path: pd.DataFrame({"net": [1.0]}).to_parquet(path),
+            "not a readable estimate file .*: delete it",
+        ),
     ],
     ids=["missing", "truncated", "text", "foreign"],
 )
@@ -96,4 +112,6 @@ def test_single_precision_rounds_the_torques_alone(tmp_path):
     (loaded,) = load(tmp_path / "0")
     assert loaded.stiffness == saved.stiffness
     assert loaded.torque["net"].dtype == np.float64
-    np.testing.assert_array_equal(loaded.torque["net"], saved.torque["net"].values.astype(np.float32))
+    np.testing.assert_array_equal(
+        loaded.torque["net"], saved.torque["net"].values.astype(np.float32)
+    )

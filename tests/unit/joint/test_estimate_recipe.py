@@ -60,7 +60,10 @@ def expand_spline(knots, v):
 def make_inputs(model, time, position, start=0.0):
     p = position - position.mean()
     n = np.round((time - start) * model["recording_rate"]).astype(int)
-    kernel, lag = np.asarray(model["decimation_kernel"]), np.asarray(model["decimation_lag"], dtype=int)
+    kernel, lag = (
+        np.asarray(model["decimation_kernel"]),
+        np.asarray(model["decimation_lag"], dtype=int),
+    )
     motion = [sum_lags(p, row, lag, n) for row in kernel]
     needed = np.arange(n[0] - lag.max(), n[-1] - lag.min() + 1)
     v = sum_lags(p, model["velocity_kernel"], model["velocity_lag"], needed)
@@ -94,7 +97,9 @@ def trial():
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize(("container", "read"), [(".nc", read_netcdf), (".mat", read_matlab)], ids=["nc", "mat"])
+@pytest.mark.parametrize(
+    ("container", "read"), [(".nc", read_netcdf), (".mat", read_matlab)], ids=["nc", "mat"]
+)
 def test_the_recipe_gives_the_torques_of_the_estimate(case, container, read, trial, tmp_path):
     method, options = CASES[case]
     estimate = identify(trial, method, **options)

@@ -13,7 +13,11 @@ VALUES = {
     "rank": np.int64(7),
     "stable": np.bool_(True),
     "warnings": ["σ is 2 × too large", 'a "quoted" one', None],
-    "nested": {"history": [1.0, 2.0], "list": [{"array": np.ones(2)}, {"array": np.zeros(1)}], "empty": {}},
+    "nested": {
+        "history": [1.0, 2.0],
+        "list": [{"array": np.ones(2)}, {"array": np.zeros(1)}],
+        "empty": {},
+    },
     "json": np.ones(2),
 }
 

@@ -58,7 +58,9 @@ def test_gain_and_threshold_of_a_rectifier(threshold, sign):
     basis = fit_basis(velocity, "spline", 20)
     torque = sign * 5.0 * np.maximum(velocity - threshold, 0.0)
     design = basis(velocity)
-    coefficients = np.linalg.lstsq(design.T - design.mean(axis=1), torque - torque.mean(), rcond=None)[0]
+    coefficients = np.linalg.lstsq(
+        design.T - design.mean(axis=1), torque - torque.mean(), rcond=None
+    )[0]
     gain, fitted, share = ReflexPath(basis, coefficients, ReflexDynamics(40.0, 1.0)).rectifier
     assert gain == pytest.approx(5.0 * sign, rel=0.02)
     assert fitted == pytest.approx(threshold, abs=0.03)

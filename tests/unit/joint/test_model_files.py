@@ -29,7 +29,11 @@ def trial():
 @pytest.fixture(scope="module")
 def other():
     """A trial of another length, rate, mean and amplitude."""
-    other = simulate(seed=2, duration=16.0).isel(time=slice(0, None, 2)).assign_attrs(sampling_rate=500.0)
+    other = (
+        simulate(seed=2, duration=16.0)
+        .isel(time=slice(0, None, 2))
+        .assign_attrs(sampling_rate=500.0)
+    )
     return other.assign(position=0.7 * other["position"] + 0.3)
 
 
@@ -79,13 +83,22 @@ def rewrite(path, change):
             lambda g: g | {"": g[""].assign_attrs(format_version=VERSION + 1)},
             r"e.nc: version 2 of the format is newer than this library: install the newest",
         ),
-        (lambda g: g | {"": g[""].drop_attrs()}, r"e.nc: no estimate file, which has the format 'ankleloop estimate'"),
-        (lambda g: {k: v for k, v in g.items() if k != "stiffness"}, r"e.nc: not a readable .*'stiffness'"),
+        (
+            lambda g: g | {"": g[""].drop_attrs()},
+            r"e.nc: no estimate file, which has the format 'ankleloop estimate'",
+        ),
+        (
+            lambda g: {k: v for k, v in g.items() if k != "stiffness"},
+            r"e.nc: not a readable .*'stiffness'",
+        ),
         (
             lambda g: g | {"model": g["model"].assign_attrs(kind="oracle")},
             r"unknown kind of model 'oracle'; known: state-space, ",
         ),
-        (lambda g: g | {"model": g["model"].assign(A=np.nan * g["model"]["A"])}, r"e.nc: not .*'A' is not finite"),
+        (
+            lambda g: g | {"model": g["model"].assign(A=np.nan * g["model"]["A"])},
+            r"e.nc: not .*'A' is not finite",
+        ),
         (
             lambda g: g | {"diagnostics": g["diagnostics"].assign_attrs(json="{")},
             r"e.nc: not a readable estimate file .*: restore it from a copy",
@@ -118,7 +131,9 @@ def test_a_matlab_file_that_matlab_has_written_again_is_read(trial, other, tmp_p
     estimate = identify(trial, "riv", delay=None)
     save_estimate(estimate, tmp_path / "e.mat")
     struct = scipy.io.loadmat(tmp_path / "e.mat", simplify_cells=True)["estimate"]
-    scipy.io.savemat(tmp_path / "again.mat", {"estimate": struct}, long_field_names=True, oned_as="row")
+    scipy.io.savemat(
+        tmp_path / "again.mat", {"estimate": struct}, long_field_names=True, oned_as="row"
+    )
     loaded = load_estimate(tmp_path / "again.mat")
     assert loaded.predict(other).torque.identical(estimate.predict(other).torque)
 

@@ -27,10 +27,15 @@ def test_the_recording_rate_is_that_of_the_trial(trial, method):
     """A trial of half the rate has the same torques as far as its velocity has the same band."""
     estimate = identify(trial, method, basis="rectifier")
     fast = estimate.predict(trial).torque
-    slow = estimate.predict(trial.isel(time=slice(0, None, 2)).assign_attrs(sampling_rate=500.0)).torque
+    slow = estimate.predict(
+        trial.isel(time=slice(0, None, 2)).assign_attrs(sampling_rate=500.0)
+    ).torque
     common = slow["time"][(slow["time"] > 2.0) & (slow["time"] < 24.0)]
     for name in fast:
-        pair = (torque[name].sel(time=common, method="nearest", tolerance=1e-6) for torque in (fast, slow))
+        pair = (
+            torque[name].sel(time=common, method="nearest", tolerance=1e-6)
+            for torque in (fast, slow)
+        )
         assert vaf(*pair) > 99.5
     assert estimate.predictor.inputs.recording_rate == 1000.0
 
@@ -47,7 +52,8 @@ def test_scale_and_knots_are_those_of_the_fit(trial, other, method):
         assert regressors.basis is estimate.predictor.inputs.basis
         velocity = prepare(smaller).velocity(0.04)
         np.testing.assert_array_equal(
-            regressors.basis(velocity), estimate.predictor.inputs.basis(prepare(other).velocity(0.04) * 0.5)
+            regressors.basis(velocity),
+            estimate.predictor.inputs.basis(prepare(other).velocity(0.04) * 0.5),
         )
         if basis == "rectifier":  # positively homogeneous
             np.testing.assert_allclose(half["reflex"], 0.5 * whole["reflex"], atol=1e-8)
@@ -59,7 +65,11 @@ def test_velocities_beyond_the_fit_are_warned_of(trial, other, method, basis):
     estimate = identify(trial, method, basis=basis)
     assert estimate.predict(trial).diagnostics == estimate.diagnostics
     fast = estimate.predict(other.assign(position=3.0 * other["position"]))
-    warnings = [text for text in fast.diagnostics["warnings"] if text not in estimate.diagnostics["warnings"]]
+    warnings = [
+        text
+        for text in fast.diagnostics["warnings"]
+        if text not in estimate.diagnostics["warnings"]
+    ]
     if basis == "rectifier":
         assert warnings == []
     else:
@@ -72,18 +82,26 @@ def reflex_score(trial, estimate):
     return evaluate(trial, estimate).set_index(["torque", "against"]).loc[("reflex", "true"), "vaf"]
 
 
-@pytest.mark.parametrize("options", [{}, {"delay": None}, {"order": 3}, {"basis": "spline", "delay": None}], ids=str)
+@pytest.mark.parametrize(
+    "options", [{}, {"delay": None}, {"order": 3}, {"basis": "spline", "delay": None}], ids=str
+)
 def test_the_torques_of_riv_are_those_of_its_model(trial, other, options):
     estimate = identify(trial, "riv", **options)
     assert estimate.predict(trial).torque.identical(estimate.torque)
-    assert reflex_score(other, estimate.predict(other)) == pytest.approx(reflex_score(trial, estimate), abs=1.0)
+    assert reflex_score(other, estimate.predict(other)) == pytest.approx(
+        reflex_score(trial, estimate), abs=1.0
+    )
 
 
 def test_the_initial_state_belongs_to_the_record(trial, other):
     """With it the model gives the torques of the estimate; a prediction begins at rest, and comes to the same."""
-    for record, estimate in zip((trial, other), identify([trial, other], "pr-moesp", basis="rectifier"), strict=True):
+    for record, estimate in zip(
+        (trial, other), identify([trial, other], "pr-moesp", basis="rectifier"), strict=True
+    ):
         model = estimate.predictor
-        torques = simulate_torques(model.matrices, model.initial_state, model.inputs.regressors(prepare(record)))
+        torques = simulate_torques(
+            model.matrices, model.initial_state, model.inputs.regressors(prepare(record))
+        )
         np.testing.assert_allclose(torques["reflex"], estimate.torque["reflex"], atol=1e-12)
         difference = (estimate.predict(record).torque["reflex"] - torques["reflex"]).values
         assert np.ptp(difference[:20]) > 1e-3
@@ -93,5 +111,7 @@ def test_the_initial_state_belongs_to_the_record(trial, other):
 def test_short_trials_are_refused(trial):
     estimate = identify(trial, "parallel-cascade")
     short = trial.isel(time=slice(0, 1100))
-    with pytest.raises(DataError, match=r"the trial has \d+ samples, responses take 54: record longer"):
+    with pytest.raises(
+        DataError, match=r"the trial has \d+ samples, responses take 54: record longer"
+    ):
         estimate.predict(short)

@@ -31,4 +31,6 @@ def test_options_do_not_mix(trials):
         assert identify(shared, "pr-moesp", **options) == identify(trials[0], "pr-moesp", **options)
     for options in ({}, {"reflex_lags": 0.3}, {"intrinsic_lags": 0.02}, {}):
         cascade = {"max_passes": 2, **options}
-        assert identify(shared, "parallel-cascade", **cascade) == identify(trials[0], "parallel-cascade", **cascade)
+        assert identify(shared, "parallel-cascade", **cascade) == identify(
+            trials[0], "parallel-cascade", **cascade
+        )

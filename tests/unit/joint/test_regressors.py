@@ -21,9 +21,13 @@ def test_intrinsic_regressors_give_the_intrinsic_torque(clean):
     truth = trial.channel_at("torque_intrinsic", regressors.time, 100.0)
     torque = regressors.inputs[:, :3] @ [150.0, 0.8, 0.015]
     assert np.std(torque - truth) < 1e-3 * np.std(truth)
-    assert regressors.fit_stiffness(truth) == pytest.approx({"K": 150.0, "B": 0.8, "I": 0.015}, rel=2e-3)
+    assert regressors.fit_stiffness(truth) == pytest.approx(
+        {"K": 150.0, "B": 0.8, "I": 0.015}, rel=2e-3
+    )
     rows = np.arange(100, 2000)
-    assert regressors.fit_stiffness(truth[rows], rows) == pytest.approx({"K": 150.0, "B": 0.8, "I": 0.015}, rel=2e-3)
+    assert regressors.fit_stiffness(truth[rows], rows) == pytest.approx(
+        {"K": 150.0, "B": 0.8, "I": 0.015}, rel=2e-3
+    )
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.04, 0.0403])
@@ -36,7 +40,9 @@ def test_a_rectified_sinusoid_is_its_fourier_series(delay):
         **OPTIONS | {"delay": delay}
     )
     phase = w * (regressors.time - delay)
-    even = sum(np.cos(2 * k * phase) * (-1) ** k / (4 * k**2 - 1) for k in (1, 2))  # 18 and 36 Hz, not 54 Hz
+    even = sum(
+        np.cos(2 * k * phase) * (-1) ** k / (4 * k**2 - 1) for k in (1, 2)
+    )  # 18 and 36 Hz, not 54 Hz
     expected = 0.02 * w * (1 / np.pi + np.cos(phase) / 2 - 2 / np.pi * even)
     np.testing.assert_allclose(regressors.inputs[:, 3], expected, rtol=0, atol=1e-4 * 0.02 * w)
 
@@ -49,7 +55,9 @@ def test_the_reflex_regressor_drives_the_reflex_torque(clean):
     drive = regressors.inputs[:, 3]
     size = 8 * drive.size
     s = 2j * np.pi * np.fft.rfftfreq(size, 0.01)
-    torque = np.fft.irfft(np.fft.rfft(drive, size) * 13.0 * 1600.0 / (s**2 + 80.0 * s + 1600.0), size)
+    torque = np.fft.irfft(
+        np.fft.rfft(drive, size) * 13.0 * 1600.0 / (s**2 + 80.0 * s + 1600.0), size
+    )
     inside = slice(100, drive.size - 100)  # beyond the effect of the periodic convolution
     error = torque[: drive.size] - truth
     assert np.std(error[inside]) < 2e-3 * np.std(truth[inside])
@@ -64,7 +72,9 @@ def test_times_are_those_of_the_record(clean):
     np.testing.assert_allclose(whole.time[shared], later.time, atol=1e-9)
     # The means that differentiation subtracts differ, and so does the rounding.
     np.testing.assert_allclose(whole.inputs[shared], later.inputs, atol=1e-6)
-    np.testing.assert_allclose(part.channel_at("torque", later.time, 100.0), later.torque, atol=1e-12)
+    np.testing.assert_allclose(
+        part.channel_at("torque", later.time, 100.0), later.torque, atol=1e-12
+    )
 
 
 def test_predicted_inputs_are_free_of_fed_back_noise():
@@ -72,7 +82,14 @@ def test_predicted_inputs_are_free_of_fed_back_noise():
     positions = []
     for db in (None, 0.0):
         trial = prepare(
-            simulate(seed=2, duration=50.0, reflex_gain=2.0, voluntary=0.0, snr_db=db, load=(0.3, 10.0, 100.0))
+            simulate(
+                seed=2,
+                duration=50.0,
+                reflex_gain=2.0,
+                voluntary=0.0,
+                snr_db=db,
+                load=(0.3, 10.0, 100.0),
+            )
         )
         regressors = trial.regressors(reference="reference", **OPTIONS)
         positions.append((regressors.inputs[:, 0], trial.predict_inputs(regressors)[:, 0]))
@@ -85,7 +102,9 @@ def test_predicted_inputs_in_open_loop_are_the_inputs(clean):
     trial = prepare(clean)
     regressors = trial.regressors(reference="position", **OPTIONS)
     assert trial.predict_inputs(regressors) is regressors.inputs
-    with pytest.raises(DataError, match="instruments are made of the reference, and the trial has none"):
+    with pytest.raises(
+        DataError, match="instruments are made of the reference, and the trial has none"
+    ):
         trial.predict_inputs(trial.regressors(**OPTIONS))
 
 

@@ -22,7 +22,9 @@ def assert_same_values(loaded, saved):
         assert (loaded.dtype, loaded.shape) == (saved.dtype, saved.shape)
         np.testing.assert_array_equal(loaded, saved)
         if saved.dtype.kind == "f":
-            np.testing.assert_array_equal(np.signbit(loaded)[~np.isnan(saved)], np.signbit(saved)[~np.isnan(saved)])
+            np.testing.assert_array_equal(
+                np.signbit(loaded)[~np.isnan(saved)], np.signbit(saved)[~np.isnan(saved)]
+            )
     else:
         value = saved.item() if isinstance(saved, np.generic) else saved
         assert type(loaded) is type(value)
@@ -37,14 +39,18 @@ def assert_same_estimate(loaded, saved):
         assert loaded.torque[name].values.tobytes() == saved.torque[name].values.tobytes()
     for name in ("method", "stiffness", "reflex", "diagnostics"):
         assert_same_values(getattr(loaded, name), getattr(saved, name))
-    assert_same_values(*({name: list(ends) for name, ends in each.intervals.items()} for each in (loaded, saved)))
+    assert_same_values(
+        *({name: list(ends) for name, ends in each.intervals.items()} for each in (loaded, saved))
+    )
     assert (loaded.predictor is None) == (saved.predictor is None)
     if saved.predictor is not None:
         xr.testing.assert_identical(model_dataset(loaded.predictor), model_dataset(saved.predictor))
     assert (loaded.matrices is None) == (saved.matrices is None)
     if saved.matrices is not None:
         for name in "ABCD":
-            np.testing.assert_array_equal(getattr(loaded.matrices, name), getattr(saved.matrices, name))
+            np.testing.assert_array_equal(
+                getattr(loaded.matrices, name), getattr(saved.matrices, name)
+            )
             np.testing.assert_array_equal(getattr(loaded.model, name), getattr(saved.model, name))
         for name in ("dt", "names", "input_delays"):
             assert getattr(loaded.matrices, name) == getattr(saved.matrices, name)

@@ -10,7 +10,9 @@ CYCLES = {"cycle_onsets": np.arange(0.0, 48.0)}
 
 
 def rebuild(trial, change=lambda torque: torque, rate=1000.0, sign=1.0):
-    position, torque, reference = (sign * trial[name].to_numpy() for name in ("position", "torque", "reference"))
+    position, torque, reference = (
+        sign * trial[name].to_numpy() for name in ("position", "torque", "reference")
+    )
     return new_trial(position, change(torque), rate, reference)
 
 
@@ -24,11 +26,15 @@ def rub(trial):
 
 
 FAULTS = {
-    "ms after the position": lambda trial: rebuild(trial, lambda x: np.concatenate([np.full(5, x[0]), x[:-5]])),
+    "ms after the position": lambda trial: rebuild(
+        trial, lambda x: np.concatenate([np.full(5, x[0]), x[:-5]])
+    ),
     "high-pass of 0.": lambda trial: rebuild(trial, high_pass),
     "friction of": rub,
     "in the other direction": lambda trial: rebuild(trial, sign=-1.0),
-    "flat where it is large": lambda trial: rebuild(trial, lambda torque: 10.0 * np.tanh(torque / 10.0)),
+    "flat where it is large": lambda trial: rebuild(
+        trial, lambda torque: 10.0 * np.tanh(torque / 10.0)
+    ),
 }
 
 
@@ -49,7 +55,8 @@ def test_what_an_instrument_does_to_a_record_is_a_warning(trial, effect, method,
 
 
 @pytest.mark.parametrize(
-    ("effect", "name", "truth"), [("ms after the position", "I", 0.015), ("high-pass of 0.", "G", 13.0)]
+    ("effect", "name", "truth"),
+    [("ms after the position", "I", 0.015), ("high-pass of 0.", "G", 13.0)],
 )
 def test_intervals_take_in_what_the_likely_cause_does(trial, effect, name, truth):
     estimate = identify(FAULTS[effect](trial), "riv")

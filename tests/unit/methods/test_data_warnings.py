@@ -10,11 +10,15 @@ WITH_REFERENCE = ("pr-moesp", "riv", "riv-tv")
 
 
 def change(trial, **channels):
-    return trial.assign({name: trial[name].copy(data=np.asarray(values)) for name, values in channels.items()})
+    return trial.assign(
+        {name: trial[name].copy(data=np.asarray(values)) for name, values in channels.items()}
+    )
 
 
 def clip(name, low, high):
-    return lambda trial: trial.assign({name: trial[name].clip(*trial[name].quantile([low, high]).values)})
+    return lambda trial: trial.assign(
+        {name: trial[name].clip(*trial[name].quantile([low, high]).values)}
+    )
 
 
 def hold(*names):
@@ -29,14 +33,20 @@ def hold(*names):
 
 def add_spike(name, size):
     """One sample, in standard deviations of the channel."""
-    return lambda trial: change(trial, **{name: trial[name] + size * trial[name].std() * (trial["time"] == 7.0)})
+    return lambda trial: change(
+        trial, **{name: trial[name] + size * trial[name].std() * (trial["time"] == 7.0)}
+    )
 
 
 def sinusoid(trial):
     omega, t = 2 * np.pi * 1.5, trial["time"].values
     position, velocity = 0.02 * np.sin(omega * t), 0.02 * omega * np.cos(omega * t)
     torque = 150 * position + 0.8 * velocity - 0.015 * omega**2 * position
-    return change(trial, position=position, torque=torque + 0.1 * np.random.default_rng(1).standard_normal(t.size))
+    return change(
+        trial,
+        position=position,
+        torque=torque + 0.1 * np.random.default_rng(1).standard_normal(t.size),
+    )
 
 
 def exchange(trial):
@@ -52,10 +62,16 @@ def draw(trial, scale=1.0):
 FAULTS = {
     "sign": (lambda trial: trial.assign(torque=-trial["torque"]), "torque has the other sign"),
     "clipped torque": (clip("torque", 0.0, 0.8), "stand at the end of the range of the torque"),
-    "clipped position": (clip("position", 0.0, 0.8), "stand at the end of the range of the position"),
+    "clipped position": (
+        clip("position", 0.0, 0.8),
+        "stand at the end of the range of the position",
+    ),
     "half of all": (hold("position", "torque", "reference"), "of the torque keep one value"),
     "sinusoid": (sinusoid, "the movement excites 2 of"),
-    "noise": (lambda trial: change(trial, torque=draw(trial)), "% of the torque, as those of any other record would"),
+    "noise": (
+        lambda trial: change(trial, torque=draw(trial)),
+        "% of the torque, as those of any other record would",
+    ),
     "spike of the position": (add_spike("position", 1.5), "the position has a spike of about"),
     "exchanged channels": (exchange, "are not those of a joint"),
     "exchanged reference": (
@@ -72,7 +88,9 @@ REFERENCE_FAULTS = {
 UNUSABLE = {
     "tiny torque": lambda trial: change(trial, torque=1e-100 * trial["torque"]),
     "huge torque": lambda trial: change(trial, torque=1e100 * trial["torque"]),
-    "position out of band": lambda trial: change(trial, position=1e-3 * np.sin(2.5 * np.arange(trial.sizes["time"]))),
+    "position out of band": lambda trial: change(
+        trial, position=1e-3 * np.sin(2.5 * np.arange(trial.sizes["time"]))
+    ),
     "three samples": lambda trial: trial.isel(time=slice(0, 3)),
 }
 
@@ -89,7 +107,9 @@ def test_a_fault_is_a_warning_that_names_it(trial, fault):
     warnings = estimate.diagnostics["data_warnings"]
     assert set(warnings) <= set(estimate.diagnostics["warnings"])
     assert any(words in text for text in warnings), warnings
-    assert estimate.fit_warnings == [text for text in estimate.diagnostics["warnings"] if text not in warnings]
+    assert estimate.fit_warnings == [
+        text for text in estimate.diagnostics["warnings"] if text not in warnings
+    ]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -138,10 +158,14 @@ def test_a_velocity_that_is_never_positive_has_no_reflex():
     t = np.arange(20_000) / 1000.0
     torque = np.random.default_rng(1).standard_normal(t.size)
     with pytest.raises(DataError, match="velocity is never positive"):
-        identify(new_trial(-0.01 * t + 1e-5 * np.sin(9 * t) / 9, torque, 1000.0), "parallel-cascade")
+        identify(
+            new_trial(-0.01 * t + 1e-5 * np.sin(9 * t) / 9, torque, 1000.0), "parallel-cascade"
+        )
 
 
-@pytest.mark.parametrize(("value", "words"), [(np.nan, "I could not be computed"), (-1.0, "I = -1 kg·m² is negative")])
+@pytest.mark.parametrize(
+    ("value", "words"), [(np.nan, "I could not be computed"), (-1.0, "I = -1 kg·m² is negative")]
+)
 def test_a_parameter_that_no_joint_has_is_a_warning(trial, value, words):
     method = METHODS["parallel-cascade"]
 
@@ -156,7 +180,9 @@ def test_a_parameter_that_no_joint_has_is_a_warning(trial, value, words):
 
 def test_the_warning_names_the_merged_trial():
     trials = [simulate(seed=seed, duration=8.0) for seed in range(3)]
-    assert not any("data_warnings" in estimate.diagnostics for estimate in identify(trials, "pr-moesp"))
+    assert not any(
+        "data_warnings" in estimate.diagnostics for estimate in identify(trials, "pr-moesp")
+    )
     trials[1] = trials[1].assign(torque=-trials[1]["torque"])
     for estimate in identify(trials, "pr-moesp"):
         (warning,) = estimate.diagnostics["data_warnings"]

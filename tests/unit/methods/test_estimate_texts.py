@@ -18,19 +18,27 @@ def test_no_reflex_gain_without_a_separation(method, settings):
 
 
 def test_where_the_separation_holds_the_gain_is_given(noisy):
-    for method, options in [("pr-moesp", {}), ("pr-moesp", {"basis": "rectifier"}), ("parallel-cascade", {})]:
+    for method, options in [
+        ("pr-moesp", {}),
+        ("pr-moesp", {"basis": "rectifier"}),
+        ("parallel-cascade", {}),
+    ]:
         estimate = identify(noisy, method, **options)
         assert {"G", "omega_n", "zeta"} <= set(estimate.reflex)
         assert estimate.diagnostics["separation"]["ramp"] > 0.95
     open_loop = simulate(seed=3, closed_loop=False)
-    assert identify(open_loop, "pr-moesp", basis="rectifier").reflex["G"] == pytest.approx(13.0, rel=0.15)
+    assert identify(open_loop, "pr-moesp", basis="rectifier").reflex["G"] == pytest.approx(
+        13.0, rel=0.15
+    )
 
 
 def test_the_default_is_the_method_that_feedback_does_not_bias(noisy):
     assert identify(noisy) == identify(noisy, "riv")
     with pytest.raises(DataError, match=r"no reference.*reference='position'.*parallel-cascade"):
         identify(noisy.drop_vars("reference"))
-    with pytest.raises(DataError, match=r"name the method for trials that are merged: one of the MOESP family"):
+    with pytest.raises(
+        DataError, match=r"name the method for trials that are merged: one of the MOESP family"
+    ):
         identify([noisy, simulate(seed=2, duration=20.0)])
 
 
@@ -47,7 +55,11 @@ def test_an_estimate_shows_all_of_its_parameters_and_compares(noisy):
     [
         ("riv", {"delay": 0.04}, ["the reflex delay is 40 ms."]),
         ("riv", {"reference": "position"}, ["the loop is open: the position"]),
-        ("pr-moesp", {}, ["the reflex is a polynomial", "little torque is fed back", "the reflex delay"]),
+        (
+            "pr-moesp",
+            {},
+            ["the reflex is a polynomial", "little torque is fed back", "the reflex delay"],
+        ),
         ("parallel-cascade", {}, ["the loop is open: no reference", "the reflex delay"]),
     ],
 )

@@ -8,13 +8,20 @@ from ankleloop.joint.prepared import prepare
 
 OWN_BASIS = ("parallel-cascade", "real-time", "riv-tv")  # have the rectifier alone
 VARIANTS = [
-    *((method, {"basis": basis}) for method in METHODS if method not in OWN_BASIS for basis in ("chebyshev", "spline")),
+    *(
+        (method, {"basis": basis})
+        for method in METHODS
+        if method not in OWN_BASIS
+        for basis in ("chebyshev", "spline")
+    ),
     *((method, {"basis": "rectifier"}) for method in METHODS),
     ("pr-moesp", {"basis": "rectifier", "input_matrices": "instruments"}),
     ("pr-moesp", {"free_b": True}),
 ]
 LINEAR = ("K", "B", "I", "G")
-TOLERANCE = 1e-6  # of the parameters: least squares on nearly dependent Hankel rows multiplies rounding
+TOLERANCE = (
+    1e-6  # of the parameters: least squares on nearly dependent Hankel rows multiplies rounding
+)
 CHANNELS = ("position", "torque", "reference")
 
 
@@ -32,12 +39,17 @@ def estimates(trial):
 def change(trial, factors=(1.0, 1.0, 1.0), constants=(0.0, 0.0, 0.0)):
     """The trial with factors and constants for position, torque and reference."""
     values = zip(CHANNELS, factors, constants, strict=True)
-    return trial.assign({name: factor * trial[name] + constant for name, factor, constant in values})
+    return trial.assign(
+        {name: factor * trial[name] + constant for name, factor, constant in values}
+    )
 
 
 def check_estimate(changed, estimate, of_parameters=1.0, of_torques=1.0):
     """K, B, I, G and torques times a factor; all else as before, but for the threshold, which is a velocity."""
-    for values, others in ((estimate.stiffness, changed.stiffness), (estimate.reflex, changed.reflex)):
+    for values, others in (
+        (estimate.stiffness, changed.stiffness),
+        (estimate.reflex, changed.reflex),
+    ):
         assert set(values) == set(others)
         for name in set(values) - {"threshold"}:
             expected = values[name] * (of_parameters if name in LINEAR else 1.0)
@@ -48,25 +60,33 @@ def check_estimate(changed, estimate, of_parameters=1.0, of_torques=1.0):
 def check_torques(changed, estimate, factor=1.0):
     for name, torque in estimate.torque.items():
         scale = factor * float(torque.std())
-        np.testing.assert_allclose(changed.torque[name].values, factor * torque.values, atol=1e-5 * scale, rtol=0)
+        np.testing.assert_allclose(
+            changed.torque[name].values, factor * torque.values, atol=1e-5 * scale, rtol=0
+        )
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=str)
 def test_factors_are_those_of_the_parameters(trial, estimates, variant):
     (method, options), estimate, rng = variant, estimates[str(variant)], np.random.default_rng(1)
     factor = 10.0 ** rng.uniform(-3, 3)
-    check_estimate(identify(change(trial, (1.0, factor, 1.0)), method, **options), estimate, factor, factor)
+    check_estimate(
+        identify(change(trial, (1.0, factor, 1.0)), method, **options), estimate, factor, factor
+    )
     factor = 10.0 ** rng.uniform(-2, 0.5)
     changed = identify(change(trial, (factor, 1.0, factor)), method, **options)
     check_estimate(changed, estimate, 1.0 / factor)
     if "threshold" in estimate.reflex:
-        assert changed.reflex["threshold"] == pytest.approx(factor * estimate.reflex["threshold"], rel=1e-3, abs=1e-6)
+        assert changed.reflex["threshold"] == pytest.approx(
+            factor * estimate.reflex["threshold"], rel=1e-3, abs=1e-6
+        )
 
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=str)
 @pytest.mark.parametrize("start", [-7.0, 100.0])
 def test_constants_and_the_start_of_the_time_change_nothing(trial, estimates, variant, start):
-    other = change(trial, constants=(0.3 * start % 3, start, -2.0)).assign_coords(time=trial["time"] + start)
+    other = change(trial, constants=(0.3 * start % 3, start, -2.0)).assign_coords(
+        time=trial["time"] + start
+    )
     other["time"].attrs = trial["time"].attrs
     estimate, changed = estimates[str(variant)], identify(other, variant[0], **variant[1])
     check_estimate(changed, estimate)

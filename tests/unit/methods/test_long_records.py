@@ -33,27 +33,39 @@ def assert_equal(estimate, whole):
             assert torque[name].attrs["units"] == "N·m"
 
 
-@pytest.mark.parametrize("chunk", [61, 50_000])  # the first is shorter than the margins of the filters
+@pytest.mark.parametrize(
+    "chunk", [61, 50_000]
+)  # the first is shorter than the margins of the filters
 @pytest.mark.parametrize("method", ["pr-moesp", "eiv-moesp"])
 def test_the_estimate_is_that_in_memory(trial, saved, tmp_path, method, chunk):
     whole = ankleloop.identify(trial, method, basis="rectifier")
-    estimate = identify_file(LongRecord(saved), tmp_path / "torques.nc", method, basis="rectifier", chunk=chunk)
+    estimate = identify_file(
+        LongRecord(saved), tmp_path / "torques.nc", method, basis="rectifier", chunk=chunk
+    )
     assert not estimate.torque.indexes  # an index of the time would be in memory as a whole
     assert_equal(estimate, whole)
     measured = prepare(trial).channel_at("torque", whole.torque["time"].values, 100.0)
-    assert estimate.diagnostics["vaf"] == pytest.approx(ankleloop.vaf(measured, whole.torque["net"].values), abs=1e-4)
+    assert estimate.diagnostics["vaf"] == pytest.approx(
+        ankleloop.vaf(measured, whole.torque["net"].values), abs=1e-4
+    )
 
 
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"method": "riv"}, DataError, r"long records are identified by pr-moesp, .*, not by the method 'riv'"),
+        (
+            {"method": "riv"},
+            DataError,
+            r"long records are identified by pr-moesp, .*, not by the method 'riv'",
+        ),
         ({"free_b": True}, TypeError, "'pr-moesp' of long records has no option 'free_b'; it has "),
         ({"block_rows": 2}, ValueError, r"block_rows must be .* 3 .*samples, got 2\.$"),
         ({"chunk": 0}, ValueError, r"chunk must be .* 1 .*samples?, got 0"),
     ],
 )
-def test_methods_and_options_without_use_for_long_records_are_refused(saved, tmp_path, options, error, message):
+def test_methods_and_options_without_use_for_long_records_are_refused(
+    saved, tmp_path, options, error, message
+):
     with pytest.raises(error, match=message):
         identify_file(LongRecord(saved), tmp_path / "torques.nc", **options)
     assert not list(tmp_path.glob("*torques*"))
@@ -62,7 +74,10 @@ def test_methods_and_options_without_use_for_long_records_are_refused(saved, tmp
 def test_records_without_use_are_refused(saved, tmp_path):
     with pytest.raises(DataError, match="needs a reference"):
         identify_file(LongRecord(saved, reference=None), tmp_path / "torques.nc")
-    with pytest.raises(TypeError, match=r"record must be an ankleloop.LongRecord, got .*Path: identify takes trials"):
+    with pytest.raises(
+        TypeError,
+        match=r"record must be an ankleloop.LongRecord, got .*Path: identify takes trials",
+    ):
         identify_file(saved, tmp_path / "torques.nc")
 
 

@@ -18,7 +18,15 @@ def evaluate_vaf(trial, estimate):
 def assert_joint(estimate, gain=13.0):
     """K = 150, B = 0.8, I = 0.015 and a double pole at 40 rad/s."""
     values = estimate.stiffness | estimate.reflex
-    truth = {"K": 150.0, "I": 0.015, "B": 0.8, "G": gain, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
+    truth = {
+        "K": 150.0,
+        "I": 0.015,
+        "B": 0.8,
+        "G": gain,
+        "omega_n": 40.0,
+        "zeta": 1.0,
+        "delay": 0.04,
+    }
     for name, accuracy in zip(truth, (0.005, 0.005, 0.015, 0.005, 0.01, 0.01, 0.0), strict=True):
         assert values[name] == pytest.approx(truth[name], rel=accuracy), name
     np.testing.assert_allclose(np.poly(estimate.model.poles()), TRUE_POLES, atol=0.01)
@@ -30,7 +38,10 @@ def assert_joint(estimate, gain=13.0):
 @pytest.mark.parametrize(
     ("method", "options"),
     [(method, {}) for method in MEMBERS]
-    + [("pr-moesp", {"projection": "correlation"}), ("pr-moesp", {"input_matrices": "instruments"})],
+    + [
+        ("pr-moesp", {"projection": "correlation"}),
+        ("pr-moesp", {"input_matrices": "instruments"}),
+    ],
     ids=str,
 )
 @pytest.mark.parametrize("gain", [2.0, 13.0])
@@ -53,7 +64,9 @@ def test_a_polynomial_is_not_a_rectifier(clean):
 
 def test_the_third_order_form_of_the_reflex():
     trial = simulate(seed=1, voluntary=0.0, snr_db=None, pole=20.0)
-    second, third = (identify(trial, "pr-moesp", basis="rectifier", order=order) for order in (2, 3))
+    second, third = (
+        identify(trial, "pr-moesp", basis="rectifier", order=order) for order in (2, 3)
+    )
     expected = np.poly([np.exp(-0.4), np.exp(-0.4), np.exp(-0.2)])
     np.testing.assert_allclose(np.poly(third.model.poles()), expected, atol=0.01)
     assert evaluate_vaf(trial, third).min() >= 99.99
@@ -73,24 +86,38 @@ def test_other_identification_rates(clean, rate):
 
 
 @pytest.mark.parametrize(("basis", "degree"), [("chebyshev", 5), ("rectifier", 1), ("spline", 6)])
-@pytest.mark.parametrize(("method", "free_b"), [*((method, False) for method in MEMBERS), ("pr-moesp", True)])
+@pytest.mark.parametrize(
+    ("method", "free_b"), [*((method, False) for method in MEMBERS), ("pr-moesp", True)]
+)
 def test_the_model_reproduces_the_torques(noisy, method, basis, degree, free_b):
     estimate = identify(noisy, method, basis=basis, degree=degree, free_b=free_b)
-    regressors = prepare(noisy).regressors(delay=0.04, basis=basis, degree=degree, identification_rate=100.0)
+    regressors = prepare(noisy).regressors(
+        delay=0.04, basis=basis, degree=degree, identification_rate=100.0
+    )
     model = estimate.model
-    terms = ["rectified_velocity"] if basis == "rectifier" else [f"{basis}_{k}" for k in range(1, degree + 1)]
+    terms = (
+        ["rectified_velocity"]
+        if basis == "rectifier"
+        else [f"{basis}_{k}" for k in range(1, degree + 1)]
+    )
     assert model.input_labels == ["position", "velocity", "acceleration", *terms]
     u = (regressors.inputs - regressors.inputs.mean(axis=0)).T
     # From this sample on the effect of the initial state is below rounding.
     start = int(np.log(1e-13) / np.log(np.max(np.abs(model.poles()))))
     assert start < 1500
-    for torque, channels in (("net", slice(None)), ("intrinsic", slice(0, 3)), ("reflex", slice(3, None))):
+    for torque, channels in (
+        ("net", slice(None)),
+        ("intrinsic", slice(0, 3)),
+        ("reflex", slice(3, None)),
+    ):
         inputs = np.zeros_like(u)
         inputs[channels] = u[channels]
         simulated = control.forced_response(model, inputs=inputs).outputs[0][start:]
         actual = estimate.torque[torque].values[start:]
         # Torques are deviations from their means.
-        np.testing.assert_allclose(actual - actual.mean(), simulated - simulated.mean(), atol=1e-7, err_msg=torque)
+        np.testing.assert_allclose(
+            actual - actual.mean(), simulated - simulated.mean(), atol=1e-7, err_msg=torque
+        )
     np.testing.assert_allclose(estimate.torque["time"], regressors.time, rtol=1e-14)
     stiffness = [estimate.stiffness[name] for name in "KBI"]
     if free_b:  # the effect of P, Ṗ and P̈ through the state counts as well
@@ -114,10 +141,14 @@ def test_free_b_still_separates_the_torques(clean, basis):
 
 def test_ranks_and_stability_are_diagnostics(clean, noisy):
     for order in (2, 3):
-        diagnostics = identify(noisy, "pr-moesp", basis="rectifier", projection="correlation", order=order).diagnostics
+        diagnostics = identify(
+            noisy, "pr-moesp", basis="rectifier", projection="correlation", order=order
+        ).diagnostics
         assert diagnostics["instrument_rows"] >= 4 * 15 + order
     # T₁ is the velocity 4 samples late: 11 of its 15 Hankel rows are rows of the velocity, up to filter errors.
-    diagnostics = identify(clean[13.0], "pr-moesp", basis="chebyshev", degree=1, order=1).diagnostics
+    diagnostics = identify(
+        clean[13.0], "pr-moesp", basis="chebyshev", degree=1, order=1
+    ).diagnostics
     assert diagnostics["rank"] <= 4 * 15 - 11
     assert diagnostics["condition"] < 1e5
     unstable = identify(noisy, "pi-moesp", basis="rectifier", order=6)
@@ -133,16 +164,23 @@ def test_ranks_and_stability_are_diagnostics(clean, noisy):
 def test_a_missing_reference_is_refused(noisy):
     bare = noisy.drop_vars("reference")
     for method, options in (("pr-moesp", {}), ("pi-moesp", {"input_matrices": "instruments"})):
-        message = "the trial has no variable 'reference' to serve as reference; it has position, torque"
+        message = (
+            "the trial has no variable 'reference' to serve as reference; it has position, torque"
+        )
         with pytest.raises(DataError, match=message):
             identify(bare, method, **options)
-    with pytest.raises(DataError, match=r"has no variable 'command' to serve as reference; it has .*reference='positi"):
+    with pytest.raises(
+        DataError,
+        match=r"has no variable 'command' to serve as reference; it has .*reference='positi",
+    ):
         identify(noisy, "pr-moesp", reference="command")
 
 
 @pytest.mark.parametrize("options", [{}, {"input_matrices": "instruments"}])
 def test_the_position_serves_as_reference_of_an_open_loop_record(options):
-    trial = simulate(seed=1, duration=20.0, closed_loop=False, voluntary=0.0, snr_db=None).drop_vars("reference")
+    trial = simulate(
+        seed=1, duration=20.0, closed_loop=False, voluntary=0.0, snr_db=None
+    ).drop_vars("reference")
     estimate = identify(trial, "pr-moesp", basis="rectifier", reference="position", **options)
     assert estimate.diagnostics["reference"] == "position"
     assert_joint(estimate)
@@ -162,7 +200,9 @@ def test_short_trials_are_merged():
     assert estimates[0].reflex["G"] == pytest.approx(13.0, rel=5e-3)
     for part, estimate in zip(parts, estimates, strict=True):
         assert evaluate(part, estimate, trim=0.0).query("torque == 'net'")["vaf"].min() > 99.9
-    again = identify([parts[k] for k in (3, 8, 1, 6, 0, 9, 4, 7, 2, 5)], "pr-moesp", basis="rectifier")
+    again = identify(
+        [parts[k] for k in (3, 8, 1, 6, 0, 9, 4, 7, 2, 5)], "pr-moesp", basis="rectifier"
+    )
     assert again[0].stiffness["K"] == pytest.approx(estimates[0].stiffness["K"], rel=1e-6)
 
 

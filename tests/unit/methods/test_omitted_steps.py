@@ -22,12 +22,16 @@ def trial(noisy):
 def test_without_derivatives_of_the_kernel_there_are_differences(trial, rate):
     options = OPTIONS | {"basis": "rectifier", "identification_rate": rate}
     complete = trial.regressors(**options)
-    position, *motion, drive = trial.regressors(**options, omitted_step="kernel-derivatives").inputs.T
+    position, *motion, drive = trial.regressors(
+        **options, omitted_step="kernel-derivatives"
+    ).inputs.T
     np.testing.assert_array_equal([position, drive], complete.inputs[:, [0, 3]].T)
     velocity = np.gradient(position, 1 / rate)
     inside = slice(2, -2)  # np.gradient has one-sided differences at the ends
     for signal, expected in zip(motion, (velocity, np.gradient(velocity, 1 / rate)), strict=True):
-        np.testing.assert_allclose(signal[inside], expected[inside], rtol=0, atol=1e-9 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            signal[inside], expected[inside], rtol=0, atol=1e-9 * np.abs(expected).max()
+        )
     # At the ends they use positions beyond the other samples: the differences are as good there as anywhere.
     error = np.abs(motion[0] - complete.inputs[:, 1])
     assert error[[0, 1, -2, -1]].max() <= error[inside].max()
@@ -41,7 +45,9 @@ def test_without_the_early_nonlinearity_it_acts_on_decimated_velocity(trial, bas
     velocity = decimate(trial.velocity(0.04), *complete.grid)
     terms = np.where(velocity > 0, velocity, 0.0)[:, None]
     if basis == "chebyshev":
-        terms = np.polynomial.chebyshev.chebvander(velocity / np.abs(trial.velocity(0.04)).max(), 5)[:, 1:]
+        terms = np.polynomial.chebyshev.chebvander(
+            velocity / np.abs(trial.velocity(0.04)).max(), 5
+        )[:, 1:]
     np.testing.assert_allclose(late.inputs[:, 3:], terms, rtol=0, atol=1e-12)
     assert np.abs(late.inputs[:, 3:] - complete.inputs[:, 3:]).max() > 1e-3
 
@@ -60,13 +66,17 @@ def test_without_the_rank_policy_it_is_an_ordinary_factorisation(trial):
         (signal - signal.mean(axis=0)) / signal.std(axis=0)
         for signal in (regressors.inputs, regressors.reference[:, None], regressors.torque[:, None])
     )
-    stacked = np.vstack([block_rows(u, ROWS, ROWS), block_rows(r, 0, ROWS), block_rows(y, ROWS, ROWS)])
+    stacked = np.vstack(
+        [block_rows(u, ROWS, ROWS), block_rows(r, 0, ROWS), block_rows(y, ROWS, ROWS)]
+    )
     stacked -= stacked.mean(axis=1, keepdims=True)
     L = linalg.qr(stacked.T, mode="r")[0][: len(stacked)].T
     inputs, instruments = 4 * ROWS, 5 * ROWS
     left = np.linalg.svd(L[instruments:, inputs:instruments])[0][:, :2]
     A = np.linalg.pinv(left[:-1]) @ left[1:]
-    poles, expected = (np.sort_complex(values) for values in (estimate.diagnostics["poles"], np.linalg.eigvals(A)))
+    poles, expected = (
+        np.sort_complex(values) for values in (estimate.diagnostics["poles"], np.linalg.eigvals(A))
+    )
     np.testing.assert_allclose(poles, expected, rtol=0, atol=1e-5)
     assert estimate.diagnostics["rank"] == inputs
     assert identify(trial, "pr-moesp", basis="rectifier").diagnostics["rank"] < inputs
@@ -81,5 +91,7 @@ def test_estimates_say_so_and_predict_alike(trial, method, step):
     assert not any("omitted_step" in text for text in complete.diagnostics["warnings"])
     assert estimate.stiffness != complete.stiffness
     # The same trial: torques differ by the initial state alone, which dies away within the trim of a second.
-    again, first = (evaluate(trial, part)["vaf"].to_numpy() for part in (estimate.predict(trial), estimate))
+    again, first = (
+        evaluate(trial, part)["vaf"].to_numpy() for part in (estimate.predict(trial), estimate)
+    )
     np.testing.assert_allclose(again, first, rtol=0, atol=0.05)

@@ -18,7 +18,9 @@ class LaggedInputs:
     """Lagged position and rectified velocity, and the torque, all centred."""
 
     def __init__(self, trial):
-        regressors = prepare(trial).regressors(delay=0.04, basis="rectifier", identification_rate=100.0)
+        regressors = prepare(trial).regressors(
+            delay=0.04, basis="rectifier", identification_rate=100.0
+        )
         rows = range(LAGS, regressors.torque.size - LEADS)
         shifts = np.arange(-LEADS, LEADS + 1), np.arange(LAGS + 1), np.zeros(1, dtype=int)
         signals = zip((*regressors.inputs.T[[0, 3]], regressors.torque), shifts, strict=True)
@@ -36,18 +38,25 @@ class LaggedInputs:
 
 @pytest.fixture(scope="module")
 def cascades(clean, noisy):
-    return {name: (trial, LaggedInputs(trial)) for name, trial in (("clean", clean[13.0]), ("noisy", noisy))}
+    return {
+        name: (trial, LaggedInputs(trial))
+        for name, trial in (("clean", clean[13.0]), ("noisy", noisy))
+    }
 
 
 @pytest.mark.parametrize("record", ["clean", "noisy"])
 def test_the_parallel_cascade_converges_to_joint_least_squares(cascades, record):
     trial, lagged = cascades[record]
-    both = lagged.fit(np.hstack([lagged.intrinsic, lagged.reflex]), lagged.torque)  # without alternation
+    both = lagged.fit(
+        np.hstack([lagged.intrinsic, lagged.reflex]), lagged.torque
+    )  # without alternation
     intrinsic, reflex = np.split(both, [2 * LEADS + 1])
     best = lagged.net_vaf(lagged.torque - lagged.intrinsic @ intrinsic - lagged.reflex @ reflex)
     estimate = identify(trial, "parallel-cascade")
     assert estimate.diagnostics["converged"]
-    assert 0 <= best - estimate.diagnostics["history"][-1] < 1e-3  # the default tolerance, in points
+    assert (
+        0 <= best - estimate.diagnostics["history"][-1] < 1e-3
+    )  # the default tolerance, in points
     fine = identify(trial, "parallel-cascade", tolerance=1e-12)
     assert best == pytest.approx(fine.diagnostics["history"][-1], abs=1e-9)
     np.testing.assert_allclose(fine.torque["intrinsic"], lagged.intrinsic @ intrinsic, atol=2e-4)
@@ -71,7 +80,9 @@ def test_passes_of_the_parallel_cascade(cascades, record, passes):
     diagnostics = estimate.diagnostics
     assert diagnostics["passes"] == len(diagnostics["history"]) == passes
     assert not diagnostics["converged"]
-    negative = [f"{name} = " for name, value in estimate.stiffness.items() if value < 0]  # biased in closed loop
+    negative = [
+        f"{name} = " for name, value in estimate.stiffness.items() if value < 0
+    ]  # biased in closed loop
     assert [text[:4] for text in diagnostics["warnings"]] == negative
     np.testing.assert_allclose(diagnostics["history"], history, atol=1e-9)
     np.testing.assert_allclose(estimate.torque["intrinsic"], intrinsic, atol=1e-8)
@@ -105,5 +116,7 @@ def test_the_first_pass_is_biased_in_closed_loop_and_the_last_one_not(clean):
 
 
 def test_responses_longer_than_the_record_are_refused(noisy):
-    with pytest.raises(DataError, match=r"leaves \d+ samples for 510 unknowns: record longer or shorten"):
+    with pytest.raises(
+        DataError, match=r"leaves \d+ samples for 510 unknowns: record longer or shorten"
+    ):
         identify(noisy.isel(time=slice(0, 10_000)), "parallel-cascade", reflex_lags=5.0)

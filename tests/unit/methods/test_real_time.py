@@ -7,7 +7,13 @@ import ankleloop
 from ankleloop import identify, new_trial, simulate
 from ankleloop.methods.real_time import _track
 
-QUIET = {"snr_db": None, "voluntary": 0.0, "closed_loop": False, "duration": 60.0, "reflex_gain": 5.0}
+QUIET = {
+    "snr_db": None,
+    "voluntary": 0.0,
+    "closed_loop": False,
+    "duration": 60.0,
+    "reflex_gain": 5.0,
+}
 
 
 @pytest.fixture(scope="module")
@@ -16,16 +22,26 @@ def means():
     values = {}
     for perturbation in ("pulses", "prbs"):
         estimates = [
-            identify(simulate(seed=seed, perturbation=perturbation, switching_interval=0.2, **QUIET), "real-time")
+            identify(
+                simulate(seed=seed, perturbation=perturbation, switching_interval=0.2, **QUIET),
+                "real-time",
+            )
             for seed in range(4)
         ]
-        values[perturbation] = {name: np.mean([e.stiffness[name] for e in estimates]) for name in "KBI"}
+        values[perturbation] = {
+            name: np.mean([e.stiffness[name] for e in estimates]) for name in "KBI"
+        }
         values[perturbation]["G"] = np.mean([e.reflex["G"] for e in estimates])
     return values
 
 
 def test_a_decorrelating_perturbation_gives_the_truth_and_a_prbs_a_bias(means):
-    for name, truth, accuracy in (("K", 150.0, 0.03), ("B", 0.8, 0.05), ("I", 0.015, 0.05), ("G", 5.0, 0.05)):
+    for name, truth, accuracy in (
+        ("K", 150.0, 0.03),
+        ("B", 0.8, 0.05),
+        ("I", 0.015, 0.05),
+        ("G", 5.0, 0.05),
+    ):
         assert means["pulses"][name] == pytest.approx(truth, rel=accuracy)
     assert means["prbs"]["K"] > 1.05 * 150.0
 

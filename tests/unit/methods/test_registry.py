@@ -28,7 +28,9 @@ def test_every_method_returns_a_valid_estimate(noisy, method):
 
     assert set(estimate.stiffness) == {"K", "B", "I"}
     # A PRBS biases the real-time algorithm.
-    assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.6 if method == "real-time" else 0.25)
+    assert estimate.stiffness["K"] == pytest.approx(
+        150.0, rel=0.6 if method == "real-time" else 0.25
+    )
     assert estimate.reflex["delay"] == (0.04 if method != "riv" else pytest.approx(0.04, abs=0.005))
     values = [*estimate.stiffness.values(), *estimate.reflex.values()]
     assert all(isinstance(value, float) and np.isfinite(value) for value in values)
@@ -54,7 +56,9 @@ def test_other_methods_need_no_reference(noisy, method):
 
 def test_unknown_names_are_refused_with_the_known_ones(noisy):
     for method in METHODS:
-        with pytest.raises(TypeError, match=f"method '{method}' has no option 'ordre'.*; it has ") as refusal:
+        with pytest.raises(
+            TypeError, match=f"method '{method}' has no option 'ordre'.*; it has "
+        ) as refusal:
             identify(noisy, method, ordre=3)
         assert all(name in str(refusal.value) for name in ankleloop.method_options(method))
     for call in (lambda: identify(noisy, "magic"), lambda: ankleloop.method_options("magic")):

@@ -38,7 +38,10 @@ def test_feedback_does_not_bias_the_estimates(compliant):
     for name, truth in (TRUTH | {"G": 25.0}).items():
         spread = np.std([parameters(e)[name] for e in estimates], ddof=1) / np.sqrt(len(estimates))
         assert abs(means[name] - truth) < 0.02 * truth + 3 * spread, name
-    vaf = [evaluate(t, e).query("against == 'true'")["vaf"].min() for t, e in zip(trials, estimates, strict=True)]
+    vaf = [
+        evaluate(t, e).query("against == 'true'")["vaf"].min()
+        for t, e in zip(trials, estimates, strict=True)
+    ]
     assert np.mean(vaf) > 99.7
     biased = [identify(trial, "pr-moesp", basis="rectifier").stiffness["K"] for trial in trials[:4]]
     assert np.mean(biased) < 0.9 * 150.0
@@ -50,7 +53,9 @@ def test_intervals_are_as_wide_as_the_scatter_of_estimates(compliant):
         scatter = np.std([parameters(e)[name] for e in estimates], ddof=1)
         half = np.median([0.5 * np.ptp(e.intervals[name]) for e in estimates]) / 1.96
         assert 0.5 < half / scatter < 2.0, name
-        assert all(low < parameters(e)[name] < high for e in estimates for low, high in [e.intervals[name]])
+        assert all(
+            low < parameters(e)[name] < high for e in estimates for low, high in [e.intervals[name]]
+        )
     inside = [low <= TRUTH["K"] <= high for e in estimates for low, high in [e.intervals["K"]]]
     assert np.mean(inside) > 0.7
 
@@ -100,7 +105,10 @@ def test_a_third_pole():
 
 def test_a_weak_reference_is_refused():
     trial = simulate(seed=1, duration=30.0)
-    with pytest.raises(DataError, match=r"^reference explains 0\.\d % of the position .* it is too weak an instrument"):
+    with pytest.raises(
+        DataError,
+        match=r"^reference explains 0\.\d % of the position .* it is too weak an instrument",
+    ):
         identify(trial.assign(reference=simulate(seed=2, duration=30.0)["reference"]), "riv")
     with pytest.raises(DataError, match="no variable 'reference'"):
         identify(trial.drop_vars("reference"), "riv")

@@ -17,7 +17,9 @@ INCOMPLETE = {"reflex_threshold": 0.6, "snr_db": 30.0, "voluntary": 0.01, "durat
 
 def solve_trial(trial, weighting="noise"):
     trial = prepare(trial)
-    regressors = trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
+    regressors = trial.regressors(
+        delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference"
+    )
     equations = Equations(trial, regressors, weighting)
     return solve(equations, equations.find_start(2, estimate_delay=False))
 
@@ -70,22 +72,32 @@ def test_robust_errors_are_the_scatter_of_incomplete_models():
     estimates = [identify(simulate(seed=seed, **INCOMPLETE), "riv") for seed in range(40)]
     assert {estimate.diagnostics["intervals"] for estimate in estimates} == {"robust"}
     values = np.array([[(e.stiffness | e.reflex)[name] for name in NAMES] for e in estimates])
-    errors = np.array([[e.diagnostics["standard_errors"][name] for name in NAMES] for e in estimates])
+    errors = np.array(
+        [[e.diagnostics["standard_errors"][name] for name in NAMES] for e in estimates]
+    )
     ratios = np.sqrt(np.mean(errors**2, axis=0)) / np.std(values, axis=0, ddof=1)
     assert np.all((ratios > 0.7) & (ratios < 1.4)), dict(zip(NAMES, ratios, strict=True))
 
 
 def test_the_movement_decides():
-    complete, incomplete = (identify(simulate(seed=2, **settings), "riv") for settings in ({}, INCOMPLETE))
+    complete, incomplete = (
+        identify(simulate(seed=2, **settings), "riv") for settings in ({}, INCOMPLETE)
+    )
     assert complete.diagnostics["movement_p"] > 0.01 > incomplete.diagnostics["movement_p"]
     assert complete.diagnostics["intervals"] == "asymptotic"
     (low, high), error = incomplete.intervals["B"], incomplete.diagnostics["standard_errors"]["B"]
-    assert (incomplete.diagnostics["intervals"], (high - low) / (2 * error) > 2.0) == ("robust", True)
+    assert (incomplete.diagnostics["intervals"], (high - low) / (2 * error) > 2.0) == (
+        "robust",
+        True,
+    )
 
 
 def test_false_alarms():
     """The test may see a movement in one complete model of a hundred."""
-    alarms = sum(solve_trial(simulate(seed=seed, duration=15.0)).point.movement_p < 0.05 for seed in range(40))
+    alarms = sum(
+        solve_trial(simulate(seed=seed, duration=15.0)).point.movement_p < 0.05
+        for seed in range(40)
+    )
     assert alarms <= 7
 
 

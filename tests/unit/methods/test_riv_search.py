@@ -10,7 +10,16 @@ from ankleloop.methods.riv.equations import Equations, Point
 from ankleloop.methods.riv.search import GAIN, REFINED, solve
 
 
-def set_up(trial, *, order=2, weighting="noise", estimate_delay=False, basis="rectifier", degree=1, reference):
+def set_up(
+    trial,
+    *,
+    order=2,
+    weighting="noise",
+    estimate_delay=False,
+    basis="rectifier",
+    degree=1,
+    reference,
+):
     """Equations and the start of their search."""
     trial = prepare(trial)
     regressors = trial.regressors(
@@ -23,13 +32,22 @@ def set_up(trial, *, order=2, weighting="noise", estimate_delay=False, basis="re
 def delay_and_smooth(x, delay, time_constant):
     """First-order response, behind a delay in samples."""
     pole = np.exp(-1e-3 / time_constant)
-    return signal.lfilter([1 - pole], [1, -pole], np.concatenate([np.zeros(delay), x[: x.size - delay]]))
+    return signal.lfilter(
+        [1 - pole], [1, -pole], np.concatenate([np.zeros(delay), x[: x.size - delay]])
+    )
 
 
 def make_incomplete_record(path):
     """A record in open loop with a second path that no model here has."""
     trial = simulate(
-        seed=4, closed_loop=False, duration=20.0, reflex_gain=8.0, omega_n=9.0, zeta=0.5, snr_db=25.0, voluntary=0.02
+        seed=4,
+        closed_loop=False,
+        duration=20.0,
+        reflex_gain=8.0,
+        omega_n=9.0,
+        zeta=0.5,
+        snr_db=25.0,
+        voluntary=0.02,
     )
     position = trial["position"].values
     velocity = np.gradient(position, 1e-3)
@@ -44,7 +62,9 @@ def make_incomplete_record(path):
 @pytest.mark.parametrize("weighting", ["noise", "flat"])
 def test_the_left_side_is_the_slope_of_the_misfit_in_open_loop(weighting):
     """By differences; weights from the noise are smoothed in one and not in the other, so they agree but for that."""
-    equations, start = set_up(simulate(seed=1, closed_loop=False), weighting=weighting, reference="position")
+    equations, start = set_up(
+        simulate(seed=1, closed_loop=False), weighting=weighting, reference="position"
+    )
     point = Point(equations, start)
     relative = np.sqrt(np.diag(point.information))
     slope = []
@@ -53,20 +73,26 @@ def test_the_left_side_is_the_slope_of_the_misfit_in_open_loop(weighting):
         slope.append((ahead - behind) / (2 * step.sum()))
     expected = -4.0 / equations.band.correlation * point.side
     tolerance = 0.15 if weighting == "noise" else 1e-3
-    assert np.linalg.norm((slope - expected) / relative) < tolerance * np.linalg.norm(expected / relative)
+    assert np.linalg.norm((slope - expected) / relative) < tolerance * np.linalg.norm(
+        expected / relative
+    )
 
 
 @pytest.mark.parametrize("weighting", ["noise", "flat"])
 @pytest.mark.parametrize("reference", ["reference", "position"])
 def test_the_full_slope_by_differences(weighting, reference):
     options = {"order": 3, "basis": "spline", "degree": 6, "estimate_delay": True}
-    equations, start = set_up(simulate(seed=2, duration=20.0), weighting=weighting, reference=reference, **options)
+    equations, start = set_up(
+        simulate(seed=2, duration=20.0), weighting=weighting, reference=reference, **options
+    )
     point = Point(equations, start)
     scale, columns = np.sqrt(np.diag(point.information)), []
     for step in 1e-4 * np.diag(1.0 / scale):
         points = [Point(equations, start.add(sign * step)) for sign in (1.0, -1.0)]
         # The level of flat weights is immaterial: it is held, as the slope does.
-        levels = [1.0 if weighting == "noise" else p.level.mean() / point.level.mean() for p in points]
+        levels = [
+            1.0 if weighting == "noise" else p.level.mean() / point.level.mean() for p in points
+        ]
         ahead, behind = (p.side * level for p, level in zip(points, levels, strict=True))
         columns.append((ahead - behind) / (2 * step.sum()))
     difference = (np.array(columns).T + point.slope) / np.outer(scale, scale)
@@ -84,7 +110,9 @@ def check_path(solution):
     for k in range(solution.first, len(solution.path)):
         for j in range(solution.first, k):
             new, old = solution.path[k], solution.path[j]
-            better = new.merit(free) <= (1 - GAIN) * old.merit(free) or new.misfit <= old.misfit - GAIN
+            better = (
+                new.merit(free) <= (1 - GAIN) * old.merit(free) or new.misfit <= old.misfit - GAIN
+            )
             assert better or (k == len(solution.path) - 1 and solution.converged), (j, k)
 
 
@@ -114,7 +142,9 @@ def test_a_delay_that_the_record_does_not_show_is_assumed():
     estimate = identify(trial, "riv", reference="position")
     assert estimate.reflex["delay"] == 0.04
     assert "delay" not in estimate.intervals
-    assert any("the record does not show it" in text for text in estimate.diagnostics["assumptions"])
+    assert any(
+        "the record does not show it" in text for text in estimate.diagnostics["assumptions"]
+    )
 
 
 def test_a_third_pole_that_is_held_has_no_interval():

@@ -44,7 +44,10 @@ def relative_errors(trial, estimate, places=slice(None)):
     """Root mean square errors of K, B and G over the means of the truth."""
     truths = true_trajectories(trial, estimate.trajectories)
     return {
-        name: float(np.sqrt(np.mean((estimate.trajectories[name].values - truth)[places] ** 2)) / truth.mean())
+        name: float(
+            np.sqrt(np.mean((estimate.trajectories[name].values - truth)[places] ** 2))
+            / truth.mean()
+        )
         for name, truth in truths.items()
     }
 
@@ -85,7 +88,9 @@ def test_noise_free_limit(settings, options):
     assert errors["G"] < 0.015, errors
     assert result.stiffness["I"] == pytest.approx(0.015, rel=0.01)
     true = [40.0, 40.0, *([settings["pole"]] if "pole" in settings else [])]
-    dynamics = ReflexDynamics(*(result.reflex[name] for name in ("omega_n", "zeta", "pole") if name in result.reflex))
+    dynamics = ReflexDynamics(
+        *(result.reflex[name] for name in ("omega_n", "zeta", "pole") if name in result.reflex)
+    )
     np.testing.assert_allclose(dynamics.response(FREQUENCIES)[0], _lowpass(true), atol=0.01)
 
 
@@ -97,7 +102,9 @@ def test_fed_back_torque_does_not_bias(noisy, estimate):
     errors = relative_errors(noisy.trial, estimate)
     assert errors["K"] < 0.05, errors
     assert errors["G"] < 0.12, errors
-    squares = identify(noisy, "riv-tv", cycle_onsets="phase", reference="position", weighting="flat")
+    squares = identify(
+        noisy, "riv-tv", cycle_onsets="phase", reference="position", weighting="flat"
+    )
     truth = true_trajectories(noisy.trial, estimate.trajectories)["K"]
     assert np.mean(squares.trajectories["K"].values - truth) < -0.04 * truth.mean()
     assert abs(np.mean(estimate.trajectories["K"].values - truth)) < 0.03 * truth.mean()
@@ -109,13 +116,18 @@ def test_fed_back_torque_does_not_bias(noisy, estimate):
 def test_bands_and_means(noisy, estimate):
     truths = true_trajectories(noisy.trial, estimate.trajectories)
     for name, truth in truths.items():
-        low, high = estimate.trajectories[f"{name}_low"].values, estimate.trajectories[f"{name}_high"].values
+        low, high = (
+            estimate.trajectories[f"{name}_low"].values,
+            estimate.trajectories[f"{name}_high"].values,
+        )
         assert np.all(low < estimate.trajectories[name].values)
         assert np.all(estimate.trajectories[name].values < high)
         assert np.mean((low <= truth) & (truth <= high)) > 0.6
     means = estimate.stiffness | estimate.reflex
     for name in "KBG":
-        assert means[name] == pytest.approx(float(estimate.trajectories[name][:-1].mean()), rel=0.02)
+        assert means[name] == pytest.approx(
+            float(estimate.trajectories[name][:-1].mean()), rel=0.02
+        )
         low, high = estimate.intervals[name]
         assert low < means[name] < high
     assert estimate.trajectories["K"].attrs["units"] == "N·m/rad"
@@ -126,7 +138,14 @@ def test_bands_and_means(noisy, estimate):
 
 def test_a_constant_joint_is_that_of_riv():
     trial = prepare(
-        simulate(seed=5, duration=56.0, voluntary=0.3, load=LIGHT, perturbation_locked=False, variation="cycle")
+        simulate(
+            seed=5,
+            duration=56.0,
+            voluntary=0.3,
+            load=LIGHT,
+            perturbation_locked=False,
+            variation="cycle",
+        )
     )
     varying, constant = identify(trial, "riv-tv", cycle_onsets="phase"), identify(trial, "riv")
     values = constant.stiffness | constant.reflex
@@ -179,7 +198,9 @@ def test_another_trial_is_predicted(estimate, tmp_path):
     assert scores["reflex", "true"] > 99.0
     starts = other["time"].values[1:][np.diff(other["phase"].values) < -0.5]
     by_onsets = estimate.predict(other, cycle_onsets=starts)
-    np.testing.assert_allclose(by_onsets.torque["net"][200:-200], prediction.torque["net"][200:-200], atol=0.02)
+    np.testing.assert_allclose(
+        by_onsets.torque["net"][200:-200], prediction.torque["net"][200:-200], atol=0.02
+    )
     save_estimate(estimate, tmp_path / "estimate.nc")
     again = load_estimate(tmp_path / "estimate.nc")
     assert again.predict(other).torque.identical(prediction.torque)
@@ -197,13 +218,17 @@ def test_a_scheduling_variable_from_a_file(scheduled, tmp_path):
     angle = 15.0 + 20.0 * scheduled["schedule"].values
     table = pd.DataFrame({"time": scheduled["time"].values, **channels, "angle": angle})
     table.to_csv(tmp_path / "S1.csv", index=False)
-    recorded = read_trial(tmp_path / "S1.csv", reference="reference", variables={"ankle_angle": "angle"})
+    recorded = read_trial(
+        tmp_path / "S1.csv", reference="reference", variables={"ankle_angle": "angle"}
+    )
     recorded["ankle_angle"].attrs["units"] = "deg"
     result = identify(recorded, "riv-tv", schedule="ankle_angle", knots=(6, 6, 6))
     trial = new_trial(**channels, sampling_rate=1000.0, angle=angle)
     expected = identify(trial, "riv-tv", schedule="angle", knots=(6, 6, 6))
     for name in "KBG":
-        np.testing.assert_allclose(result.trajectories[name], expected.trajectories[name], rtol=1e-6)
+        np.testing.assert_allclose(
+            result.trajectories[name], expected.trajectories[name], rtol=1e-6
+        )
     schedule = result.trajectories["schedule"]
     assert (schedule.attrs["units"], schedule.attrs["long_name"]) == ("deg", "ankle_angle")
     assert 14.0 < schedule[0] < schedule[-1] < 36.0
@@ -213,9 +238,14 @@ def test_a_scheduling_variable_from_a_file(scheduled, tmp_path):
     truth = 150.0 * (1 + 0.45 * np.cos(2 * np.pi * ((schedule - 15.0) / 20.0 - 0.5)))
     assert np.sqrt(np.mean((result.trajectories["K"].values - truth.values) ** 2)) < 0.08 * 150.0
     assert result.diagnostics["warnings"] == []
-    np.testing.assert_allclose(result.predict(recorded).torque["net"], result.torque["net"], atol=1e-9)
+    np.testing.assert_allclose(
+        result.predict(recorded).torque["net"], result.torque["net"], atol=1e-9
+    )
     recorded["ankle_angle"] += 10.0
-    assert any("lies beyond the fitted range" in text for text in result.predict(recorded).diagnostics["warnings"])
+    assert any(
+        "lies beyond the fitted range" in text
+        for text in result.predict(recorded).diagnostics["warnings"]
+    )
 
 
 def excited_trial(window, cycles=40, rate=1000.0, period=1.0, seed=4, inertia=0.015):
@@ -224,8 +254,13 @@ def excited_trial(window, cycles=40, rate=1000.0, period=1.0, seed=4, inertia=0.
     samples = int(cycles * period * rate)
     phase = np.arange(samples) / rate / period % 1.0
     steps = 0.04 * (np.repeat(rng.integers(0, 2, samples // 50), 50) - 0.5) * window(phase)
-    position = sps.lfilter(*sps.butter(2, 15.0, fs=rate), sps.lfilter(*sps.butter(2, 15.0, fs=rate), steps))
-    velocity, acceleration = np.gradient(position, 1 / rate), np.gradient(np.gradient(position, 1 / rate), 1 / rate)
+    position = sps.lfilter(
+        *sps.butter(2, 15.0, fs=rate), sps.lfilter(*sps.butter(2, 15.0, fs=rate), steps)
+    )
+    velocity, acceleration = (
+        np.gradient(position, 1 / rate),
+        np.gradient(np.gradient(position, 1 / rate), 1 / rate),
+    )
     stiffness = 100.0 + 40.0 * np.sin(2 * np.pi * phase)
     drive = 8.0 * np.maximum(0.0, np.roll(velocity, 40))
     reflex = sps.lfilter(*sps.bilinear([1600.0], [1.0, 80.0, 1600.0], rate), drive)
@@ -241,8 +276,13 @@ def test_phases_without_excitation_are_blank():
     assert np.all(np.isnan(curve.sel(phase=slice(0.7, 0.85))))
     assert np.all(np.isnan(result.trajectories["K_low"].sel(phase=slice(0.7, 0.85))))
     inside = curve.sel(phase=slice(0.1, 0.4))
-    np.testing.assert_allclose(inside, 100.0 + 40.0 * np.sin(2 * np.pi * inside["phase"]), rtol=0.08)
-    assert any(text.startswith("K is not identified at phase 0.") for text in result.diagnostics["warnings"])
+    np.testing.assert_allclose(
+        inside, 100.0 + 40.0 * np.sin(2 * np.pi * inside["phase"]), rtol=0.08
+    )
+    assert any(
+        text.startswith("K is not identified at phase 0.")
+        for text in result.diagnostics["warnings"]
+    )
     assert result.diagnostics["excitation"]["K"][80] < 0.02
 
 
@@ -264,13 +304,25 @@ def test_samples_count_by_the_inverse_of_the_noise_at_their_place(onsets):
     [
         (LOCKED, {"cycle_onsets": "phase"}, "the perturbation is locked to it"),
         ({**LOCKED, "cycle_jitter": 0.06, "movement": 0.2}, {"cycle_onsets": "phase"}, "locked"),
-        ({"duration": 9.0, "variation": "cycle"}, {"cycle_onsets": "phase"}, "whole cycles lie more than 0.75 s"),
+        (
+            {"duration": 9.0, "variation": "cycle"},
+            {"cycle_onsets": "phase"},
+            "whole cycles lie more than 0.75 s",
+        ),
         ({"duration": 9.0}, {}, "without cycles needs 9.5 s"),
         (CYCLES, {"cycle_onsets": "position"}, "the phase of a cycle goes from 0 to 1"),
         (CYCLES, {"cycle_onsets": "heel"}, "no variable 'heel' for cycle_onsets"),
         (CYCLES, {"schedule": "angle"}, "no variable 'angle' for schedule"),
-        (CYCLES, {"cycle_onsets": "phase", "reference": "command"}, "no variable 'command' to serve as reference"),
-        ({**CYCLES, **JOINT, "voluntary": 4.0}, {"cycle_onsets": "phase"}, "it is too weak an instrument"),
+        (
+            CYCLES,
+            {"cycle_onsets": "phase", "reference": "command"},
+            "no variable 'command' to serve as reference",
+        ),
+        (
+            {**CYCLES, **JOINT, "voluntary": 4.0},
+            {"cycle_onsets": "phase"},
+            "it is too weak an instrument",
+        ),
     ],
 )
 def test_records_that_cannot_show_the_change(settings, options, message):
@@ -283,8 +335,12 @@ def test_weak_instruments_at_some_phases_are_warned_about():
     trial, other = (simulate(seed=seed, voluntary=0.3, **CYCLES, **JOINT) for seed in (1, 2))
     trial["reference"] = xr.where(trial["phase"] < 0.3, other["reference"], trial["reference"])
     result = identify(trial, "riv-tv", cycle_onsets="phase")
-    assert any(text.startswith("the instruments are weak") for text in result.diagnostics["warnings"])
-    assert any(text.startswith("not converged after 30 rounds") for text in result.diagnostics["warnings"])
+    assert any(
+        text.startswith("the instruments are weak") for text in result.diagnostics["warnings"]
+    )
+    assert any(
+        text.startswith("not converged after 30 rounds") for text in result.diagnostics["warnings"]
+    )
     assert result.intervals == {}
     assert np.all(np.isnan(result.trajectories["K_low"]))
 
@@ -300,7 +356,11 @@ def test_an_inertia_that_varies(noisy, estimate, tmp_path):
     assert result.stiffness["I"] == pytest.approx(0.015, rel=0.03)
     assert result.trajectories["I"].attrs["units"] == "kg·m²"
     save_estimate(result, tmp_path / "estimate.nc")
-    assert load_estimate(tmp_path / "estimate.nc").predict(trial).torque.identical(result.predict(trial).torque)
+    assert (
+        load_estimate(tmp_path / "estimate.nc")
+        .predict(trial)
+        .torque.identical(result.predict(trial).torque)
+    )
     varying = identify(noisy, "riv-tv", cycle_onsets="phase", rest_position=0.0, inertia_knots=8)
     np.testing.assert_allclose(varying.trajectories["I"], 0.015, rtol=0.1)
     for name in "KBG":
@@ -308,7 +368,13 @@ def test_an_inertia_that_varies(noisy, estimate, tmp_path):
         assert np.all(np.abs(varying.trajectories[name] - estimate.trajectories[name]) < 0.3 * band)
 
 
-MOVING = {"variation": "cycle", "stiffness_variation": 0.4, "movement": 0.2, "cycle_jitter": 0.1, "duration": 42.0}
+MOVING = {
+    "variation": "cycle",
+    "stiffness_variation": 0.4,
+    "movement": 0.2,
+    "cycle_jitter": 0.1,
+    "duration": 42.0,
+}
 
 
 def test_options_are_selected_on_unseen_cycles_at_their_own_onsets():
@@ -338,7 +404,9 @@ def test_onsets_of_another_trial_or_of_another_time():
 
 @pytest.mark.parametrize(("late", "word"), [(500, "s earlier"), (-500, "s later"), (0, "")])
 def test_a_schedule_that_is_shifted_in_time_is_a_warning(late, word):
-    trial = simulate(seed=1, variation="schedule", stiffness_variation=0.4, movement=0.2, duration=42.0)
+    trial = simulate(
+        seed=1, variation="schedule", stiffness_variation=0.4, movement=0.2, duration=42.0
+    )
     trial["schedule"] = ("time", np.roll(trial["schedule"].to_numpy(), late))
     warnings = warnings_of(trial, schedule="schedule")
     assert ("follows the schedule" in warnings) == bool(word)

@@ -18,7 +18,9 @@ def choose(trial, method, **options):
 
 @pytest.mark.parametrize("criterion", ["instrumental", "cross-validation"])
 def test_the_true_order_is_chosen(trial, criterion):
-    estimate = identify(trial, "pr-moesp", basis="rectifier", select={"order": [1, 2, 3, 4]}, criterion=criterion)
+    estimate = identify(
+        trial, "pr-moesp", basis="rectifier", select={"order": [1, 2, 3, 4]}, criterion=criterion
+    )
     assert estimate.diagnostics["order"] == 2
     selection = estimate.diagnostics["selection"]
     assert (selection["criterion"], selection["chosen"]) == (criterion, {"order": 2})
@@ -30,8 +32,13 @@ def test_the_true_order_is_chosen(trial, criterion):
 
 def test_the_true_basis_is_chosen_and_a_superfluous_pole_seldom(trial):
     """It has to be better by more than a standard error, and the record has to show it."""
-    assert choose(trial, "riv", select={"basis": ["chebyshev", "rectifier"]})["chosen"] == {"basis": "rectifier"}
-    chosen = [choose(simulate(seed=seed), "riv", select={"order": [2, 3]})["chosen"]["order"] for seed in range(6)]
+    assert choose(trial, "riv", select={"basis": ["chebyshev", "rectifier"]})["chosen"] == {
+        "basis": "rectifier"
+    }
+    chosen = [
+        choose(simulate(seed=seed), "riv", select={"order": [2, 3]})["chosen"]["order"]
+        for seed in range(6)
+    ]
     assert chosen.count(2) >= 4
 
 
@@ -72,7 +79,11 @@ def test_without_a_reference_the_criterion_is_cross_validation(trial):
 
 
 def test_candidates_that_fail_are_reported(trial):
-    options = {"basis": "rectifier", "projection": "correlation", "select": {"instrument_rows": [10, None]}}
+    options = {
+        "basis": "rectifier",
+        "projection": "correlation",
+        "select": {"instrument_rows": [10, None]},
+    }
     first, second = choose(trial, "pr-moesp", **options)["candidates"]
     assert first["scores"] == {}
     assert "instrument" in first["error"]
@@ -85,10 +96,22 @@ def test_candidates_that_fail_are_reported(trial):
     ("options", "error", "message"),
     [
         ({"select": {"ordre": [1]}}, TypeError, "has no option 'ordre'"),
-        ({"select": {"order": [1, 2]}, "order": 2}, TypeError, "'order' is given, and to be selected as well"),
+        (
+            {"select": {"order": [1, 2]}, "order": 2},
+            TypeError,
+            "'order' is given, and to be selected as well",
+        ),
         ({"select": {"order": []}}, ValueError, "at least one value"),
-        ({"select": {"order": [1]}, "criterion": "vaf"}, ValueError, "criterion must be one of 'instrum.*'vaf'"),
-        ({"select": {"identification_rate": [100.0, 50.0]}}, ValueError, "and not of identification_rate"),
+        (
+            {"select": {"order": [1]}, "criterion": "vaf"},
+            ValueError,
+            "criterion must be one of 'instrum.*'vaf'",
+        ),
+        (
+            {"select": {"identification_rate": [100.0, 50.0]}},
+            ValueError,
+            "and not of identification_rate",
+        ),
     ],
 )
 def test_invalid_selections_are_refused(trial, options, error, message):
@@ -112,7 +135,11 @@ def test_estimates_predict_records_that_they_have_not_seen(trial, method, option
     assert prediction.torque["time"][0] >= 25.0
     assert evaluate(second, prediction).query("against == 'true'")["vaf"].min() > accuracy
     # On the record of the fit a prediction from rest is the fit, except at its beginning.
-    again = estimate.predict(first).torque["net"].sel(time=estimate.torque["time"], method="nearest", tolerance=1e-6)
+    again = (
+        estimate.predict(first)
+        .torque["net"]
+        .sel(time=estimate.torque["time"], method="nearest", tolerance=1e-6)
+    )
     difference = (again - estimate.torque["net"].values).values[100:]
     assert np.ptp(difference) < 1e-3 * np.ptp(again.values)
 
@@ -127,4 +154,7 @@ def test_halves_that_cannot_be_compared_are_refused():
 
 def test_candidates_whose_estimates_begin_at_different_times_are_compared():
     candidates = {"delay": [0.04, 0.9], "basis": ["rectifier"]}
-    assert choose(simulate(seed=1, duration=31.0), "pr-moesp", select=candidates)["chosen"]["delay"] == 0.04
+    assert (
+        choose(simulate(seed=1, duration=31.0), "pr-moesp", select=candidates)["chosen"]["delay"]
+        == 0.04
+    )

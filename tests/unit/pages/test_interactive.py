@@ -23,7 +23,10 @@ def trial():
 
 @pytest.fixture(scope="module")
 def estimates(trial):
-    return {HOSTILE: ankleloop.identify(trial, "riv"), "cascade": ankleloop.identify(trial, "parallel-cascade")}
+    return {
+        HOSTILE: ankleloop.identify(trial, "riv"),
+        "cascade": ankleloop.identify(trial, "parallel-cascade"),
+    }
 
 
 def test_no_text_of_a_label_is_html(trial, estimates):

@@ -123,8 +123,14 @@ def test_recording_page_has_the_reason_why_a_method_is_not_valid(recording):
 def test_recording_page_marks_what_is_not_to_be_trusted(recording):
     """A method with a warning is marked in every place, has no intervals, and is not recommended."""
     trial, analysis = recording
-    table = analysis.table.drop(columns=[name for name in analysis.table if name.endswith(("_low", "_high"))])
-    table.loc[0, ["trusted", "warnings", "caution"]] = [False, "not converged.", "its poles are biased."]
+    table = analysis.table.drop(
+        columns=[name for name in analysis.table if name.endswith(("_low", "_high"))]
+    )
+    table.loc[0, ["trusted", "warnings", "caution"]] = [
+        False,
+        "not converged.",
+        "its poles are biased.",
+    ]
     suspect = replace(analysis, table=table)
     figures = draw_figures([trial], suspect, WINDOW)
     page = check_page(render_recording_page("A1", mapping(), suspect, figures))
@@ -144,7 +150,9 @@ def test_recording_page_escapes_every_text(recording):
     for result in (analysis, refuse_recording(DataError(HOSTILE))):
         html = render_recording_page(HOSTILE, hostile, result, placeholder_figures())
         page = check_page(html)
-        assert f"subject {HOSTILE}, condition {HOSTILE}, trial {HOSTILE}, file {HOSTILE}" in page.texts
+        assert (
+            f"subject {HOSTILE}, condition {HOSTILE}, trial {HOSTILE}, file {HOSTILE}" in page.texts
+        )
         assert "script>alert" not in html.replace("&lt;script&gt;", "")
 
 
@@ -153,7 +161,11 @@ def test_page_of_a_refused_recording_has_its_reason_and_no_figures():
     figures = draw_figures([], analysis, WINDOW)
     page = check_page(render_recording_page("A3", mapping(subject=""), analysis, figures))
     heading = page.texts.index("A3", page.texts.index("Contents"))
-    description = ["condition rest, trial 1, file first.csv", recommend(analysis).text, "Check: refused"]
+    description = [
+        "condition rest, trial 1, file first.csv",
+        recommend(analysis).text,
+        "Check: refused",
+    ]
     assert page.texts[heading + 1 : heading + 4] == description
     assert "bad.csv: torque is not finite" in page.texts
     assert "img" not in page.elements

@@ -10,12 +10,25 @@ from ankleloop.simulation.settings import SimulationSettings
 @pytest.fixture
 def page(tmp_path):
     """Two gains, two methods, two trials; one identification failed and one came with a warning."""
-    keys = [(gain, method, trial) for gain in (5.0, 13.0) for method in ("riv", "pr") for trial in range(2)]
+    keys = [
+        (gain, method, trial)
+        for gain in (5.0, 13.0)
+        for method in ("riv", "pr")
+        for trial in range(2)
+    ]
     rows = [
-        {"study": "s", "point": f"g={gain:g}", "reflex_gain": gain, "method": method, "trial": trial}
+        {
+            "study": "s",
+            "point": f"g={gain:g}",
+            "reflex_gain": gain,
+            "method": method,
+            "trial": trial,
+        }
         for gain, method, trial in keys
     ]
-    table = pd.DataFrame(rows).assign(vaf_net_measured=90.0, vaf_net_measured_low=89.0, vaf_net_measured_high=91.0)
+    table = pd.DataFrame(rows).assign(
+        vaf_net_measured=90.0, vaf_net_measured_low=89.0, vaf_net_measured_high=91.0
+    )
     table = table.assign(K=150.0, failure=None, warnings=None)
     table.loc[0, ["K", "vaf_net_measured", "failure"]] = [None, None, "no pole"]
     table.loc[3, "warnings"] = "unstable"
@@ -25,7 +38,9 @@ def page(tmp_path):
         title="A study",
         labels={"riv": "RIV", "pr": "PR <&>"},
         algorithms={"riv": "riv", "pr": "pr-moesp"},
-        points={f"g={gain:g}": SimulationSettings(reflex_gain=gain).model_dump() for gain in (5.0, 13.0)},
+        points={
+            f"g={gain:g}": SimulationSettings(reflex_gain=gain).model_dump() for gain in (5.0, 13.0)
+        },
         varied=["reflex_gain"],
         figure={"methods": None, "trial": 0, "start": 0.0, "length": 5.0},
         published="data/published",
@@ -38,7 +53,9 @@ def page(tmp_path):
 def test_rows_of_curves_have_a_panel_for_each_column(page):
     curves = page.stack("reflex_gain", {"VAF": "vaf_net_measured", "K": "K", "G": "G"})
     assert curves["panel"].value_counts().to_dict() == {"VAF": 8, "K": 8, "G": 8}
-    assert curves.loc[curves["panel"] == "G", "value"].isna().all()  # a column that no method of the study has
+    assert (
+        curves.loc[curves["panel"] == "G", "value"].isna().all()
+    )  # a column that no method of the study has
     assert curves["outcome"].tolist()[:4] == ["failure", "estimate", "estimate", "warning"]
     assert set(curves["series"]) == {"RIV", "PR <&>"}
 
@@ -54,10 +71,15 @@ def test_the_note_of_a_figure_counts_trials_and_says_what_rings_are(page):
         "In figures they have rings",
     ):
         assert words in note
-    assert fold("<b>", ["a", "", "b"]).data == "<details><summary>&lt;b&gt;</summary><p>a b</p></details>"
+    assert (
+        fold("<b>", ["a", "", "b"]).data
+        == "<details><summary>&lt;b&gt;</summary><p>a b</p></details>"
+    )
 
 
 def test_a_figure_of_a_trial_that_failed_by_every_method_is_refused(page):
-    assert list(page.select_estimates({"riv": {}, "pr": {0: "estimate"}}, ["riv", "pr"])) == ["PR <&>"]
+    assert list(page.select_estimates({"riv": {}, "pr": {0: "estimate"}}, ["riv", "pr"])) == [
+        "PR <&>"
+    ]
     with pytest.raises(ValueError, match="set another number as figure: trial"):
         page.select_estimates({"riv": {}, "pr": {1: "estimate"}}, ["riv", "pr"])

@@ -23,7 +23,9 @@ POINTS = {
     "table1": [{"reflex_gain": 13.0}, {"reflex_gain": 2.0}],
     "table2": [{"voluntary": 0.31}],
     "figure4": [{"reflex_gain": float(gain), **CLEAN} for gain in range(10, 31)],
-    "voluntary": [{"voluntary": level, **loop} for level, loop in product((0.0, 0.25, 0.5, 1.0), LOOPS)],
+    "voluntary": [
+        {"voluntary": level, **loop} for level, loop in product((0.0, 0.25, 0.5, 1.0), LOOPS)
+    ],
     "projection": [{"voluntary": 0.05}, {"voluntary": 0.5}],
     "obstacles": [{}, CLEAN, {"antialias_cutoff": 100.0}],
     "real-time": [
@@ -36,7 +38,15 @@ METHODS = {
     "table1": ("pr-moesp", "pr-moesp-free-b", "eiv-moesp", *CASCADES),
     "table2": ("pr-moesp", "eiv-moesp", *CASCADES),
     "figure4": ("pr-moesp", *CASCADES),
-    "voluntary": ("pr-moesp", "pr-moesp-instruments", "eiv-moesp", "pi-moesp", "po-moesp", *CASCADES, "riv"),
+    "voluntary": (
+        "pr-moesp",
+        "pr-moesp-instruments",
+        "eiv-moesp",
+        "pi-moesp",
+        "po-moesp",
+        *CASCADES,
+        "riv",
+    ),
     "projection": ("ordinary", "ordinary-rectifier"),
     "obstacles": ("pr-chebyshev", "pr-rectifier"),
     "real-time": ("real-time",),
@@ -45,7 +55,11 @@ MEASUREMENTS = {
     "block_rows": (15, np.nan, np.nan),
     "pr-moesp_instrument_rows": (15, np.nan, np.nan),
     "eiv-moesp_instrument_rows": (135, np.nan, np.nan),
-    **{f"{m}_{q}": (1.0, 0.9, 1.1) for m in ("pr-moesp", "eiv-moesp") for q in ("milliseconds", "megabytes")},
+    **{
+        f"{m}_{q}": (1.0, 0.9, 1.1)
+        for m in ("pr-moesp", "eiv-moesp")
+        for q in ("milliseconds", "megabytes")
+    },
     "milliseconds_ratio": (1.2, 1.0, 1.4),
     "megabytes_ratio": (1.2, 1.0, 1.4),
 }
@@ -56,7 +70,9 @@ def default_vaf(study, settings, method, torque):
     if study == "table1" and settings["reflex_gain"] == 13.0:
         return PAPER.get((method.removesuffix("-free-b"), torque), 99.0)
     if study == "figure4":
-        return {"pr-moesp": 97.0, "parallel-cascade": 99.0}.get(method, 100.0 - settings["reflex_gain"])
+        return {"pr-moesp": 97.0, "parallel-cascade": 99.0}.get(
+            method, 100.0 - settings["reflex_gain"]
+        )
     if study == "voluntary":
         return 50.0 if settings["closed_loop"] else 55.0
     return 56.0
@@ -95,14 +111,19 @@ class Studies(Mapping):
 
     def make(self, study, varied):
         points = {
-            ",".join(f"{name}={value}" for name, value in part.items()): SimulationSettings(**part).model_dump()
+            ",".join(f"{name}={value}" for name, value in part.items()): SimulationSettings(
+                **part
+            ).model_dump()
             for part in varied
         }
         tables = []
         for (point, values), method in product(points.items(), METHODS[study]):
             error = self.error(study, values, method)
             error = default_error(study, values, method) if error is None else error
-            columns = {"K": 150.0 + 1.5 * error + self.noise(study, point, method), "trial": range(self.trials)}
+            columns = {
+                "K": 150.0 + 1.5 * error + self.noise(study, point, method),
+                "trial": range(self.trials),
+            }
             for torque in ("net", "intrinsic", "reflex"):
                 mean = self.vaf(study, values, method, torque)
                 mean = default_vaf(study, values, method, torque) if mean is None else mean
@@ -113,14 +134,19 @@ class Studies(Mapping):
 
     def noise(self, *key):
         """Deviations of zero mean."""
-        noise = self.spread * np.random.default_rng(zlib.crc32(repr(key).encode())).standard_normal(self.trials)
+        noise = self.spread * np.random.default_rng(zlib.crc32(repr(key).encode())).standard_normal(
+            self.trials
+        )
         return noise - noise.mean()
 
 
 def build_ledger(studies=None, measurements=(), claims=CLAIMS, **results):
     quantities = MEASUREMENTS | dict(measurements)
     table = pd.DataFrame(
-        [(name, *values) for name, values in quantities.items() if values], columns=["quantity", "value", "low", "high"]
+        [(name, *values) for name, values in quantities.items() if values],
+        columns=["quantity", "value", "low", "high"],
     )
     published = {**TABLES, "claims": claims, "findings": FINDINGS}
-    return verify(published, Studies(**results) if studies is None else studies, table).set_index("id")
+    return verify(published, Studies(**results) if studies is None else studies, table).set_index(
+        "id"
+    )

@@ -15,7 +15,10 @@ NUMBERS = ["vaf_net_true", "vaf_intrinsic_true", "vaf_reflex_true", "K", "G"]
 
 def grid(**values):
     """All combinations of values."""
-    return [dict(zip(values, combination, strict=True)) for combination in itertools.product(*values.values())]
+    return [
+        dict(zip(values, combination, strict=True))
+        for combination in itertools.product(*values.values())
+    ]
 
 
 def sweep_options(**options):
@@ -27,13 +30,28 @@ def make_trials(points, *, trials=3, fail=lambda row: False, warn=lambda row: Fa
     """One row for each point, method and trial."""
     rng = np.random.default_rng(seed)
     rows = []
-    for values, (rank, method), trial in itertools.product(points, enumerate(LABELS), range(trials)):
+    for values, (rank, method), trial in itertools.product(
+        points, enumerate(LABELS), range(trials)
+    ):
         gain, noise = values.get("reflex_gain", 13.0), values.get("voluntary", 0.05)
-        row = {"study": "s", "point": ",".join(f"{name}={value}" for name, value in sorted(values.items())), **values}
+        row = {
+            "study": "s",
+            "point": ",".join(f"{name}={value}" for name, value in sorted(values.items())),
+            **values,
+        }
         row |= {"method": method, "trial": trial}
         loss = noise * (1.0 + rank) + 0.1 * rng.random()
-        row |= {"vaf_net_true": 99.0 - loss, "vaf_intrinsic_true": 98.0 - 2 * loss, "vaf_reflex_true": 97.0 - 4 * loss}
-        row |= {"K": 150.0 - 5 * loss, "G": gain * (1 - 0.1 * loss), "failure": None, "warnings": ""}
+        row |= {
+            "vaf_net_true": 99.0 - loss,
+            "vaf_intrinsic_true": 98.0 - 2 * loss,
+            "vaf_reflex_true": 97.0 - 4 * loss,
+        }
+        row |= {
+            "K": 150.0 - 5 * loss,
+            "G": gain * (1 - 0.1 * loss),
+            "failure": None,
+            "warnings": "",
+        }
         if fail(row):
             row |= {**dict.fromkeys(NUMBERS, np.nan), "failure": "no pole"}
         elif warn(row):
@@ -45,6 +63,10 @@ def make_trials(points, *, trials=3, fail=lambda row: False, warn=lambda row: Fa
 def write_trials(path, table):
     """Write a table of trials as the workflow does: text as categories."""
     texts = table.select_dtypes(include=["object", "str"]).columns
-    categories = {name: table[name].astype("category") for name in texts if name in ("study", "point", "method")}
+    categories = {
+        name: table[name].astype("category")
+        for name in texts
+        if name in ("study", "point", "method")
+    }
     table.assign(**categories).to_parquet(path)
     return path

@@ -22,6 +22,9 @@ def test_points_are_chosen_by_their_settings_in_any_order():
 
 
 def test_truths_that_differ_between_points_have_no_line():
-    points = {"a": SimulationSettings.defaults(), "b": {**SimulationSettings.defaults(), "stiffness": 100.0}}
+    points = {
+        "a": SimulationSettings.defaults(),
+        "b": {**SimulationSettings.defaults(), "stiffness": 100.0},
+    }
     assert shared_truths(points, ["K", "B"]) == {"K": None, "B": 0.8}
     assert format_truths(points, ["K", "B"]) == "K = 150 or 100 N·m/rad, B = 0.8 N·m·s/rad"

@@ -18,7 +18,9 @@ def ledger():
 def test_a_paragraph_stands_for_its_verdict_alone(ledger):
     texts = {"pr-unbiased": {"verdict": CONDITIONAL, "paragraph": "K is off by {ours:.1f} %."}}
     row = ledger.loc[ledger["id"] == "pr-unbiased"].iloc[0]
-    ledger = ledger.assign(verdict=ledger["verdict"].mask(ledger["id"] == "pr-unbiased", CONDITIONAL))
+    ledger = ledger.assign(
+        verdict=ledger["verdict"].mask(ledger["id"] == "pr-unbiased", CONDITIONAL)
+    )
     assert conclude(ledger, texts, "pr-unbiased") == f"K is off by {row['ours']:.1f} %."
     other = ledger.assign(verdict=NOT_REPRODUCED)
     text = conclude(other, texts, "pr-unbiased")
@@ -30,7 +32,10 @@ def test_the_opening_has_a_sentence_for_each_claim_of_the_run(ledger):
     sentences = [claim for claim, conclusion in CONCLUSIONS.items() if "sentence" in conclusion]
     assert 3 <= len(sentences) <= 5
     assert len(summarise(ledger, CONCLUSIONS)) == len(sentences)
-    assert summarise(ledger[ledger["id"] != sentences[0]], CONCLUSIONS) == summarise(ledger, CONCLUSIONS)[1:]
+    assert (
+        summarise(ledger[ledger["id"] != sentences[0]], CONCLUSIONS)
+        == summarise(ledger, CONCLUSIONS)[1:]
+    )
 
 
 def test_table_1_stands_as_the_paper_prints_it(ledger):

@@ -14,7 +14,10 @@ def trials():
 
 
 def test_columns_follow_the_options(trials):
-    options = {"pr-moesp": {"block_rows": 10, "degree": 3}, "eiv-moesp": {"block_rows": 10, "degree": 3}}
+    options = {
+        "pr-moesp": {"block_rows": 10, "degree": 3},
+        "eiv-moesp": {"block_rows": 10, "degree": 3},
+    }
     values = measure_economy(trials[:1], options).set_index("quantity")["value"]
     assert values["block_rows"] == values["pr-moesp_instrument_rows"] == 10
     assert values["eiv-moesp_instrument_rows"] == (3 + 3 + 1) * 10

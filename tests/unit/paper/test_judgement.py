@@ -62,7 +62,9 @@ def test_a_trial_without_result_is_never_judged():
 
 
 def test_several_comparisons():
-    within, outside = (Comparison("", Mean.of([x, x + 0.1, x + 0.2]), (-2.0, 2.0)) for x in (0.0, 9.0))
+    within, outside = (
+        Comparison("", Mean.of([x, x + 0.1, x + 0.2]), (-2.0, 2.0)) for x in (0.0, 9.0)
+    )
     single = Comparison("", Mean.of([0.0]), (-2.0, 2.0))
     assert judge([within, within]).verdict == REPRODUCED
     assert judge([within, single]).verdict == OPEN
@@ -99,18 +101,24 @@ def test_the_difference_of_means_is_that_of_welch():
     rng = np.random.default_rng(2)
     first, second = rng.normal(3.0, 2.0, 12), rng.normal(1.0, 0.5, 5)
     expected = stats.ttest_ind(first, second, equal_var=False).confidence_interval()
-    assert (Mean.of(first) - Mean.of(second)).interval() == pytest.approx((expected.low, expected.high))
+    assert (Mean.of(first) - Mean.of(second)).interval() == pytest.approx(
+        (expected.low, expected.high)
+    )
     assert all(map(math.isnan, (Mean.of(first) - Mean.of([1.0])).interval()))
 
 
-@pytest.mark.parametrize(("truth", "verdict"), [(1.0, REPRODUCED), (2.0, None), (3.0, NOT_REPRODUCED)])
+@pytest.mark.parametrize(
+    ("truth", "verdict"), [(1.0, REPRODUCED), (2.0, None), (3.0, NOT_REPRODUCED)]
+)
 def test_wrong_verdicts_are_rare(truth, verdict):
     """A claim on three means, one of them off by the truth: at the limit itself each verdict is rare."""
     rng = np.random.default_rng(3)
     verdicts = []
     for _ in range(400):
         samples = rng.normal([[0.0], [0.0], [truth]], 0.3, (3, 8))
-        verdicts.append(judge([Comparison("", Mean.of(sample), (-2.0, 2.0)) for sample in samples]).verdict)
+        verdicts.append(
+            judge([Comparison("", Mean.of(sample), (-2.0, 2.0)) for sample in samples]).verdict
+        )
     if verdict:
         assert np.mean([result == verdict for result in verdicts]) > 0.95
     else:

@@ -3,13 +3,30 @@
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic_results import CASCADES, CLAIMS, FINDINGS, MEASUREMENTS, PAPER, POINTS, TABLES, build_ledger
+from synthetic_results import (
+    CASCADES,
+    CLAIMS,
+    FINDINGS,
+    MEASUREMENTS,
+    PAPER,
+    POINTS,
+    TABLES,
+    build_ledger,
+)
 
 from ankleloop.paper.checks import CHECKS
-from ankleloop.paper.judgement import BY_CONSTRUCTION, CONDITIONAL, CONTRADICTION, NOT_REPRODUCED, OPEN
+from ankleloop.paper.judgement import (
+    BY_CONSTRUCTION,
+    CONDITIONAL,
+    CONTRADICTION,
+    NOT_REPRODUCED,
+    OPEN,
+)
 from ankleloop.paper.ledger import VERDICTS
 
-ROWS = {name: [f"{name}/{n.method}/{n.torque}" for n in TABLES[name].itertuples()] for name in TABLES}
+ROWS = {
+    name: [f"{name}/{n.method}/{n.torque}" for n in TABLES[name].itertuples()] for name in TABLES
+}
 IDS = [*CLAIMS["id"], *FINDINGS["id"]]
 HOLDS = "holds"  # reproduced, or reproduced under the stated conditions of the claim
 
@@ -25,7 +42,11 @@ def vaf_at(study, value, methods=None, torques=None, **settings):
     """VAFs that differ from the default at some points, methods and torques."""
 
     def vaf(name, values, method, torque):
-        chosen = name == study and (not methods or method in methods) and (not torques or torque in torques)
+        chosen = (
+            name == study
+            and (not methods or method in methods)
+            and (not torques or torque in torques)
+        )
         return value if chosen and settings.items() <= values.items() else None
 
     return {"vaf": vaf}
@@ -35,7 +56,11 @@ def error_at(study, value, *methods, **settings):
     """Errors of K that differ from the default at some points and methods."""
 
     def error(name, values, method):
-        chosen = name == study and (not methods or method in methods) and settings.items() <= values.items()
+        chosen = (
+            name == study
+            and (not methods or method in methods)
+            and settings.items() <= values.items()
+        )
         return value if chosen else None
 
     return {"error": error}
@@ -75,24 +100,42 @@ CASES = {
         (HOLDS, error_at("voluntary", -5.01, "pr-moesp", voluntary=1.0, closed_loop=True)),
         (
             NOT_REPRODUCED,
-            error_at("voluntary", -5.01, "pr-moesp", voluntary=1.0) | vaf_at("voluntary", 50.01, ["riv"], ["net"]),
+            error_at("voluntary", -5.01, "pr-moesp", voluntary=1.0)
+            | vaf_at("voluntary", 50.01, ["riv"], ["net"]),
         ),
     ],
-    "pr-unbiased": limits({}, error_at("voluntary", -2.01, "pr-moesp", voluntary=0.25, closed_loop=True)),
-    "pr-accurate": limits(
-        {}, {"error": lambda _, __, method: 2.01 if method in ("pr-moesp", "ordinary", "pr-chebyshev") else None}
+    "pr-unbiased": limits(
+        {}, error_at("voluntary", -2.01, "pr-moesp", voluntary=0.25, closed_loop=True)
     ),
-    "pr-accurate-rectifier": limits({}, {"error": lambda _, __, method: -2.01 if "rectifier" in method else None}),
+    "pr-accurate": limits(
+        {},
+        {
+            "error": lambda _, __, method: (
+                2.01 if method in ("pr-moesp", "ordinary", "pr-chebyshev") else None
+            )
+        },
+    ),
+    "pr-accurate-rectifier": limits(
+        {}, {"error": lambda _, __, method: -2.01 if "rectifier" in method else None}
+    ),
     "similar": [
         (HOLDS, {}),
         *(
-            (NOT_REPRODUCED, vaf_at("table1", PAPER["pr-moesp", torque] - 2.01, ["eiv-moesp"], [torque]))
+            (
+                NOT_REPRODUCED,
+                vaf_at("table1", PAPER["pr-moesp", torque] - 2.01, ["eiv-moesp"], [torque]),
+            )
             for torque in TORQUES
         ),
     ],
     "cascade-net-good": [
-        *limits(vaf_at("table1", 80.0, ONE_PASS, ["net"]), vaf_at("table1", 79.99, ONE_PASS, ["net"])),
-        *limits(vaf_at("table1", 80.0, ONE_PASS, ["reflex"]), vaf_at("table1", 80.01, ONE_PASS, ["reflex"])),
+        *limits(
+            vaf_at("table1", 80.0, ONE_PASS, ["net"]), vaf_at("table1", 79.99, ONE_PASS, ["net"])
+        ),
+        *limits(
+            vaf_at("table1", 80.0, ONE_PASS, ["reflex"]),
+            vaf_at("table1", 80.01, ONE_PASS, ["reflex"]),
+        ),
     ],
     "cascade-openloop": [
         *limits({}, vaf_at("voluntary", 54.99, ONE_PASS, ["intrinsic"], closed_loop=False)),
@@ -108,7 +151,8 @@ CASES = {
     "figure4-cascade-biased": [
         *limits({}, vaf_at("figure4", 90.01, ONE_PASS, ["intrinsic"], reflex_gain=10.0)),
         *limits(
-            vaf_at("figure4", 80.0, ONE_PASS, reflex_gain=30.0), vaf_at("figure4", 80.01, ONE_PASS, reflex_gain=30.0)
+            vaf_at("figure4", 80.0, ONE_PASS, reflex_gain=30.0),
+            vaf_at("figure4", 80.01, ONE_PASS, reflex_gain=30.0),
         ),
     ],
     "figure4-cascade-falls": [
@@ -117,11 +161,15 @@ CASES = {
         (NOT_REPRODUCED, vaf_at("figure4", 77.5, ONE_PASS, reflex_gain=10.0)),
     ],
     "figure4-cause": limits({}, vaf_at("figure4", 99.01, ["parallel-cascade"], ["intrinsic"])),
-    "figure4-count": [(CONTRADICTION, {}), (BY_CONSTRUCTION, edit_claims("figure4-count", paper=21))],
+    "figure4-count": [
+        (CONTRADICTION, {}),
+        (BY_CONSTRUCTION, edit_claims("figure4-count", paper=21)),
+    ],
     "eq17-gain": limits({}, vaf_at("table1", 58.01, ONE_PASS, ["intrinsic"], reflex_gain=2.0)),
     "eq10-constant": [(BY_CONSTRUCTION, {})],
     "eq11-zero": limits(
-        vaf_at("table1", 92.5, ["pr-moesp-free-b"], ["net"]), vaf_at("table1", 92.51, ["pr-moesp-free-b"], ["net"])
+        vaf_at("table1", 92.5, ["pr-moesp-free-b"], ["net"]),
+        vaf_at("table1", 92.51, ["pr-moesp-free-b"], ["net"]),
     ),
     "columns-eiv": [
         (BY_CONSTRUCTION, {}),
@@ -150,13 +198,18 @@ MEASURED = {
     "economy-time": "milliseconds_ratio",
     "economy-memory": "megabytes_ratio",
 }
-STATED = {"figure4-count": CONTRADICTION, "table2-text": CONTRADICTION, "eq10-constant": BY_CONSTRUCTION}
+STATED = {
+    "figure4-count": CONTRADICTION,
+    "table2-text": CONTRADICTION,
+    "eq10-constant": BY_CONSTRUCTION,
+}
 STATISTICAL = [claim for claim in IDS if claim not in FACTS]
 OVER_TRIALS = [claim for claim in STATISTICAL if claim not in MEASURED]
 
 
 @pytest.mark.parametrize(
-    ("claim", "verdict", "results"), [(claim, *case) for claim, cases in CASES.items() for case in cases]
+    ("claim", "verdict", "results"),
+    [(claim, *case) for claim, cases in CASES.items() for case in cases],
 )
 def test_both_sides_of_a_limit(claim, verdict, results):
     assert verdict_of(claim, **results) == verdict
@@ -165,7 +218,11 @@ def test_both_sides_of_a_limit(claim, verdict, results):
 @pytest.mark.parametrize("case", range(2))
 def test_one_trial_is_never_judged(case):
     """Neither a result within what is accepted nor one far outside."""
-    far = {"vaf": lambda _, settings, *__: settings["reflex_gain"], "error": lambda *_: 40.0} if case else {}
+    far = (
+        {"vaf": lambda _, settings, *__: settings["reflex_gain"], "error": lambda *_: 40.0}
+        if case
+        else {}
+    )
     pooled = ("pr-accurate", "pr-accurate-rectifier")  # over the trials of several studies
     ledger = build_ledger(**far, trials=1)
     rows = ledger.loc[[*ROWS["table1"], *(claim for claim in OVER_TRIALS if claim not in pooled)]]
@@ -228,8 +285,12 @@ def test_every_number_and_claim_has_a_row_and_a_verdict_with_a_reason():
 def test_the_interval_in_the_ledger_shows_the_verdict():
     """The difference of a row with a tolerance of either sign, its interval, and the verdict agree."""
     ledger = build_ledger(spread=0.5)
-    rows = ledger.loc[[*ROWS["table1"], "eiv-unbiased", "pr-accurate", "similar", "eq11-zero", "eq17-gain"]]
-    low, high, tolerance = (rows[name].astype(float) for name in ("difference_low", "difference_high", "tolerance"))
+    rows = ledger.loc[
+        [*ROWS["table1"], "eiv-unbiased", "pr-accurate", "similar", "eq11-zero", "eq17-gain"]
+    ]
+    low, high, tolerance = (
+        rows[name].astype(float) for name in ("difference_low", "difference_high", "tolerance")
+    )
     assert (low <= rows["difference"]).all()
     assert (rows["difference"] <= high).all()
     inside = (low >= -tolerance) & (high <= tolerance)
@@ -241,7 +302,11 @@ def test_the_interval_in_the_ledger_shows_the_verdict():
 def test_numbers_of_a_table_follow_the_results():
     def shift(points):
         def vaf(study, _, method, torque):
-            return PAPER[method, torque] + points if study == "table1" and (method, torque) in PAPER else None
+            return (
+                PAPER[method, torque] + points
+                if study == "table1" and (method, torque) in PAPER
+                else None
+            )
 
         return {"vaf": vaf}
 
@@ -254,7 +319,10 @@ def test_numbers_of_a_table_follow_the_results():
 
 
 def test_stated_numbers_are_those_of_the_tables():
-    assert build_ledger().loc["table2-text", "ours"] == TABLES["table2"].eval("paper - text").abs().max()
+    assert (
+        build_ledger().loc["table2-text", "ours"]
+        == TABLES["table2"].eval("paper - text").abs().max()
+    )
 
 
 def test_a_simulated_stand_in_has_no_verdict():

@@ -15,7 +15,12 @@ POINTS = {
     "no filter": SimulationSettings.defaults() | {"antialias_cutoff": None},
     "quiet": SimulationSettings.defaults() | {"snr_db": None, "voluntary": 0.0},
 }
-LABELS = {"pr": "PR-MOESP", "pr-without-scaling": "x", "eiv": "EIV-MOESP", "eiv-without-scaling": "y"}
+LABELS = {
+    "pr": "PR-MOESP",
+    "pr-without-scaling": "x",
+    "eiv": "EIV-MOESP",
+    "eiv-without-scaling": "y",
+}
 SCORES = {"net": "measured", "intrinsic": "true", "reflex": "true"}
 
 
@@ -34,8 +39,17 @@ def results():
                 warnings = [describe_omission("scaling")] if "without" in method else []
                 if trial == 1 and method == "pr-without-scaling":
                     warnings.append("unstable")
-                values = dict(zip(["K", "B", "I", "spectral_radius", "pole_error"], rng.normal(5, 1, 5), strict=True))
-                values |= {f"vaf_{torque}_{against}": rng.normal(90, 1) for torque, against in SCORES.items()}
+                values = dict(
+                    zip(
+                        ["K", "B", "I", "spectral_radius", "pole_error"],
+                        rng.normal(5, 1, 5),
+                        strict=True,
+                    )
+                )
+                values |= {
+                    f"vaf_{torque}_{against}": rng.normal(90, 1)
+                    for torque, against in SCORES.items()
+                }
                 rows.append(key | values | {"warnings": " ".join(warnings) or np.nan})
     return pd.DataFrame(rows)
 
@@ -54,12 +68,18 @@ def test_rows_are_conditions_methods_and_steps(results):
         *(["without noise", "PR-MOESP", step] for step in (COMPLETE, scaling)),
         *(["without noise", "EIV-MOESP", step] for step in (COMPLETE, scaling)),
     ]
-    assert table[["trials", "warnings", "failures"]].values.tolist()[:3] == [[6, 0, 0], [6, 0, 0], [6, 1, 1]]
+    assert table[["trials", "warnings", "failures"]].values.tolist()[:3] == [
+        [6, 0, 0],
+        [6, 0, 0],
+        [6, 1, 1],
+    ]
 
 
 def test_costs_are_of_the_same_trials(results):
     row = tabulate_omissions(results, POINTS, LABELS).iloc[2]
-    with_step, without = (values_of(results, "filter", name) for name in ("pr", "pr-without-scaling"))
+    with_step, without = (
+        values_of(results, "filter", name) for name in ("pr", "pr-without-scaling")
+    )
     assert row["K_mean"] == pytest.approx(without.mean())
     assert row["K_cost"] == pytest.approx((without - with_step.drop(3)).mean())
     interval = stats.ttest_rel(without, with_step.drop(3)).confidence_interval(0.95)

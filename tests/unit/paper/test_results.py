@@ -11,7 +11,13 @@ from ankleloop.simulation.settings import SimulationSettings
 def parameters():
     """Two points, two methods, two trials; one method has no reflex gain."""
     rows = [
-        {"point": point, "method": method, "trial": trial, "K": 150.0 + trial, "G": np.nan if method == "riv" else 2.0}
+        {
+            "point": point,
+            "method": method,
+            "trial": trial,
+            "K": 150.0 + trial,
+            "G": np.nan if method == "riv" else 2.0,
+        }
         for point in ("gain=5", "gain=10")
         for method in ("riv", "pr-moesp")
         for trial in (0, 1)
@@ -46,6 +52,14 @@ def test_spectral_radius_of_the_true_reflex(settings, radius):
 
 def test_every_true_value_is_that_of_the_simulation():
     values = true_values(SimulationSettings.defaults())
-    assert values == {"K": 150.0, "B": 0.8, "I": 0.015, "G": 13.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
+    assert values == {
+        "K": 150.0,
+        "B": 0.8,
+        "I": 0.015,
+        "G": 13.0,
+        "omega_n": 40.0,
+        "zeta": 1.0,
+        "delay": 0.04,
+    }
     assert set(values) <= set(QUANTITIES)
     assert list(true_values(SimulationSettings.defaults(), ["B", "K"])) == ["B", "K"]

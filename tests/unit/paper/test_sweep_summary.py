@@ -27,7 +27,9 @@ def trials(table):
 
 
 def test_errors_are_relative_to_the_truth_of_each_point(trials, table):
-    np.testing.assert_allclose(trials["G_error"], 100 * (table["G"] - table["reflex_gain"]) / table["reflex_gain"])
+    np.testing.assert_allclose(
+        trials["G_error"], 100 * (table["G"] - table["reflex_gain"]) / table["reflex_gain"]
+    )
     np.testing.assert_allclose(trials["K_error"], 100 * (table["K"] - 150.0) / 150.0)
 
 
@@ -37,7 +39,9 @@ def test_error_of_a_truth_of_zero_does_not_exist():
     without = table["reflex_gain"] == 0.0
     assert trials.loc[without, "G_error"].isna().all()
     assert trials.loc[~without, "G_error"].notna().all()
-    summary = summarise_sweep(trials, ["reflex_gain"], ["G_error", "G"]).set_index(["reflex_gain", "quantity"])
+    summary = summarise_sweep(trials, ["reflex_gain"], ["G_error", "G"]).set_index(
+        ["reflex_gain", "quantity"]
+    )
     assert summary.loc[(0.0, "G_error"), "n"] == 0
     assert summary.loc[(0.0, "G"), "n"] == 6
 
@@ -52,7 +56,9 @@ def test_summary_equals_numpy_on_each_group(trials):
         assert row.n == values.size
         assert row.mean == pytest.approx(np.mean(values))
         assert row.sd == pytest.approx(np.std(values, ddof=1))
-        assert (row.low, row.median, row.high) == pytest.approx(tuple(np.quantile(values, [0.1, 0.5, 0.9])))
+        assert (row.low, row.median, row.high) == pytest.approx(
+            tuple(np.quantile(values, [0.1, 0.5, 0.9]))
+        )
         if row.sd > 0:
             low, high = stats.t.interval(0.95, values.size - 1, values.mean(), stats.sem(values))
             assert (row.mean - row.margin, row.mean + row.margin) == pytest.approx((low, high))
@@ -79,7 +85,9 @@ def test_effect_has_the_interval_over_conditions(trials):
     means = part.groupby("reflex_gain")["vaf_net_true"].mean()
     row = effects[(effects["setting"] == 0.5) & (effects["method"] == "moesp")].iloc[0]
     low, _ = stats.t.interval(0.95, 2, means.mean(), stats.sem(means))
-    assert (row["mean"], row["mean"] - row["margin"], row["n"]) == pytest.approx((means.mean(), low, 3))
+    assert (row["mean"], row["mean"] - row["margin"], row["n"]) == pytest.approx(
+        (means.mean(), low, 3)
+    )
     assert (row["trials"], row["failures"]) == (12, 3)
 
 
@@ -96,9 +104,13 @@ def test_effect_of_an_option_has_the_interval_over_trials():
 
 def test_effects_of_many_values_are_means_over_bins():
     values = np.linspace(0.0, 1.0, 50)
-    trials = make_trials([{"voluntary": value} for value in values], trials=1).assign(failed=False, warned=False)
+    trials = make_trials([{"voluntary": value} for value in values], trials=1).assign(
+        failed=False, warned=False
+    )
     effects = summarise_effects(trials, SweepAxis.of("voluntary", "v", values), ["K"])
     assert effects["setting"].nunique() == 10
     assert effects["trials"].sum() == len(trials)
     first = trials[(trials["voluntary"] < 0.1) & (trials["method"] == "riv")]["K"].mean()
-    assert effects[effects["method"] == "riv"].sort_values("setting")["mean"].iloc[0] == pytest.approx(first)
+    assert effects[effects["method"] == "riv"].sort_values("setting")["mean"].iloc[
+        0
+    ] == pytest.approx(first)

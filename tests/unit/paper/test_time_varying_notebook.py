@@ -35,8 +35,13 @@ def run_notebook(tmp_path):
         study = read_studies({"studies": {name: settings}})[1][name]
         results = run_jobs(study, tmp_path)
         files = {"estimates": results.estimates, "tables": [str(results.table)]}
-        stems = {"table_stem": str(tmp_path / name), "figure_stem": str(tmp_path / f"figure-{name}")}
-        parameters = report_parameters(study, files, published=str(ROOT / "data" / "published"), **stems)
+        stems = {
+            "table_stem": str(tmp_path / name),
+            "figure_stem": str(tmp_path / f"figure-{name}"),
+        }
+        parameters = report_parameters(
+            study, files, published=str(ROOT / "data" / "published"), **stems
+        )
         return run_cells(parameters), pd.read_csv(tmp_path / f"{name}.csv"), tmp_path
 
     return run
@@ -44,7 +49,9 @@ def run_notebook(tmp_path):
 
 def run_cells(parameters):
     """Markdown and HTML that the cells of the notebook show."""
-    cells = json.loads((ROOT / "notebooks" / "time-varying.ipynb").read_text(encoding="utf-8"))["cells"]
+    cells = json.loads((ROOT / "notebooks" / "time-varying.ipynb").read_text(encoding="utf-8"))[
+        "cells"
+    ]
     shown, names = [], {}
 
     def show(*outputs):
@@ -76,9 +83,14 @@ def test_the_notebook_shows_every_study(run_notebook, name):
     if name != "square-wave":
         rows = table.dropna(subset="efficiency")
         assert rows["method"].eq("riv-tv").all()
-        np.testing.assert_allclose(rows["efficiency"], 100.0 * (rows["bound"] / rows["root_error"]) ** 2)
+        np.testing.assert_allclose(
+            rows["efficiency"], 100.0 * (rows["bound"] / rows["root_error"]) ** 2
+        )
     if name == "time-varying":
-        assert list(dict.fromkeys(table["point"])) == ["duration=16.8,voluntary=0.05", "duration=14.0,voluntary=1.0"]
+        assert list(dict.fromkeys(table["point"])) == [
+            "duration=16.8,voluntary=0.05",
+            "duration=14.0,voluntary=1.0",
+        ]
         assert "Without trajectories: riv, time-invariant." in shown
         assert table[table["method"] == "riv"]["bias"].isna().all()
         assert table[table["method"] == "riv-tv"]["total"].notna().any()

@@ -41,13 +41,21 @@ def test_counts_of_each_method_at_each_point(parameters):
 
 
 def test_a_trial_of_several_methods_is_one_trial(parameters):
-    assert count_outcomes(parameters, ["gain"]).values.tolist() == [[2.0, 3, 1, 2, 1], [5.0, 3, 0, 0, 0]]
-    assert count_outcomes(parameters, ["method"]).values.tolist() == [["riv", 6, 1, 1, 1], ["pr", 6, 0, 1, 0]]
+    assert count_outcomes(parameters, ["gain"]).values.tolist() == [
+        [2.0, 3, 1, 2, 1],
+        [5.0, 3, 0, 0, 0],
+    ]
+    assert count_outcomes(parameters, ["method"]).values.tolist() == [
+        ["riv", 6, 1, 1, 1],
+        ["pr", 6, 0, 1, 0],
+    ]
 
 
 def test_means_of_scores_keep_their_order_and_say_what_they_leave_out(parameters):
     """The rows of a method that failed in every trial stand without a mean."""
-    parameters.loc[parameters["method"].eq("pr") & parameters["point"].eq("q"), "failure"] = "no pole"
+    parameters.loc[parameters["method"].eq("pr") & parameters["point"].eq("q"), "failure"] = (
+        "no pole"
+    )
     vaf = np.where(parameters["failure"].isna(), np.arange(12.0), np.nan)
     parameters = parameters.assign(vaf_net_true=vaf, vaf_reflex_true=vaf + 5)
     table = summarise_scores(parameters, ["point", "method"])

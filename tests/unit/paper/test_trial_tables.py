@@ -20,7 +20,14 @@ VARIED = ["reflex_gain", "voluntary", "block_rows", "snr_db", "closed_loop", "ri
 
 
 def read_study(**changes):
-    study = {"kind": "simulation", "notebook": None, "seed": 1, "trials": 2, "trials_per_chunk": 2, "keep": "scores"}
+    study = {
+        "kind": "simulation",
+        "notebook": None,
+        "seed": 1,
+        "trials": 2,
+        "trials_per_chunk": 2,
+        "keep": "scores",
+    }
     study |= {"simulation": {"duration": 15.0}, "points": POINTS}
     study |= {"methods": {name: {"method": name} for name in METHODS}, **changes}
     return read_studies({"studies": {"small": study}})[1]["small"]
@@ -42,22 +49,35 @@ def test_rows_are_those_of_the_chunks(results, table):
     chunks = pd.concat([pd.read_parquet(path) for path in results.scores], ignore_index=True)
     assert len(rows) == 3 * len(METHODS) * 2
     pd.testing.assert_frame_equal(
-        rows[list(chunks)].astype({"point": str, "method": str})[["point", "method", "trial", "K", "vaf_net_true"]],
+        rows[list(chunks)].astype({"point": str, "method": str})[
+            ["point", "method", "trial", "K", "vaf_net_true"]
+        ],
         chunks[["point", "method", "trial", "K", "vaf_net_true"]],
     )
 
 
 def test_types_and_order_of_columns(table):
     schema = parquet.read_schema(table)
-    assert schema.names[: len(VARIED) + 5] == ["study", "point", *VARIED, "method", "trial", "vaf_net_measured"]
+    assert schema.names[: len(VARIED) + 5] == [
+        "study",
+        "point",
+        *VARIED,
+        "method",
+        "trial",
+        "vaf_net_measured",
+    ]
     assert schema.names[-2:] == ["failure", "warnings"]
     place = schema.names.index("K")
     assert schema.names[place : place + 3] == ["K", "K_low", "K_high"]
     types = {field.name: str(field.type) for field in schema}
     assert {types[name] for name in ("trial", "order", "passes", "block_rows")} == {"int64"}
-    assert {types[name] for name in ("K", "G_high", "reflex_gain", "snr_db", "vaf_net_true_low")} == {"double"}
+    assert {
+        types[name] for name in ("K", "G_high", "reflex_gain", "snr_db", "vaf_net_true_low")
+    } == {"double"}
     assert {types[name] for name in ("closed_loop", "stable", "converged")} == {"bool"}
-    assert {types[name] for name in ("point", "riv.basis", "failure", "warnings", "intervals")} == {"string"}
+    assert {types[name] for name in ("point", "riv.basis", "failure", "warnings", "intervals")} == {
+        "string"
+    }
 
 
 def test_failures_have_rows_without_numbers(table):
@@ -66,7 +86,12 @@ def test_failures_have_rows_without_numbers(table):
     failed = rows[rows["reflex_gain"] == 30.0]
     assert failed["failure"].str.contains("the closed loop is unstable").all()
     assert failed[["K", "vaf_net_true"]].isna().all(axis=None)
-    scores = read_results(table).query("reflex_gain == 0").filter(like="vaf_").dropna(axis="columns", how="all")
+    scores = (
+        read_results(table)
+        .query("reflex_gain == 0")
+        .filter(like="vaf_")
+        .dropna(axis="columns", how="all")
+    )
     assert set(scores) == {"vaf_net_measured", "vaf_net_true", "vaf_intrinsic_true"}
 
 
@@ -75,15 +100,26 @@ def test_text_file_has_the_same_cells(table):
     assert list(text.columns) == list(rows.columns)
     for name in rows:
         values = rows[name].astype(text[name].dtype) if rows[name].notna().all() else rows[name]
-        assert all(a == b or (pd.isna(a) and pd.isna(b)) for a, b in zip(values, text[name], strict=True)), name
+        assert all(
+            a == b or (pd.isna(a) and pd.isna(b)) for a, b in zip(values, text[name], strict=True)
+        ), name
 
 
 def test_text_that_a_spreadsheet_would_compute_gets_a_quote(tmp_path):
     point = [{"riv.reference": "position"}]
-    study = read_study(points=point, methods={"riv": {"method": "riv", "label": "=1+1"}}, simulation={"duration": 12.0})
+    study = read_study(
+        points=point,
+        methods={"riv": {"method": "riv", "label": "=1+1"}},
+        simulation={"duration": 12.0},
+    )
     study.name = "=small"
     run_jobs(study, tmp_path)
-    assert (tmp_path / "=small-trials.csv").read_text(encoding="utf-8").splitlines()[1].startswith("'=small,")
+    assert (
+        (tmp_path / "=small-trials.csv")
+        .read_text(encoding="utf-8")
+        .splitlines()[1]
+        .startswith("'=small,")
+    )
     assert set(read_trial_table(tmp_path / "=small-trials.parquet")["study"]) == {"=small"}
 
 
@@ -99,7 +135,9 @@ def test_a_table_of_other_settings_is_refused(results, tmp_path):
     assert not set(other.hashes) & set(results.scores.values())
     assert [read_hash(path) for path in results.scores] == list(results.scores.values())
     results.scores, scores = dict(zip(results.scores, other.hashes, strict=True)), results.scores
-    with pytest.raises(DataError, match=r"scores-0\.parquet: the table was made with other settings: delete it"):
+    with pytest.raises(
+        DataError, match=r"scores-0\.parquet: the table was made with other settings: delete it"
+    ):
         join(results, tmp_path / "old.parquet")
     results.scores = scores
     assert (tmp_path / "old.parquet").read_text() == "old"

@@ -5,7 +5,12 @@ import pandas as pd
 import pytest
 
 from ankleloop.joint.models import ResponseModel
-from ankleloop.plotting.recordings import model_figure, recordings_figure, residual_figure, spectra_figure
+from ankleloop.plotting.recordings import (
+    model_figure,
+    recordings_figure,
+    residual_figure,
+    spectra_figure,
+)
 from ankleloop.quantities import QUANTITIES
 
 
@@ -13,7 +18,9 @@ def estimate(predictor=None):
     """Parameters of a joint, with the model of a method."""
     stiffness = {"K": 150.0, "B": 0.8, "I": 0.015}
     reflex = {"G": 10.0, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04}
-    return SimpleNamespace(method="riv", stiffness=stiffness, reflex=reflex, diagnostics={}, predictor=predictor)
+    return SimpleNamespace(
+        method="riv", stiffness=stiffness, reflex=reflex, diagnostics={}, predictor=predictor
+    )
 
 
 def legend(figure):
@@ -22,7 +29,12 @@ def legend(figure):
 
 def test_reference_has_a_coherence_of_its_own():
     frequency = np.geomspace(0.1, 40.0, 50)
-    spectra = {"frequency": frequency, "position": frequency**-2, "torque": frequency**-1, "coherence": 0 * frequency}
+    spectra = {
+        "frequency": frequency,
+        "position": frequency**-2,
+        "torque": frequency**-1,
+        "coherence": 0 * frequency,
+    }
     assert legend(spectra_figure(spectra)) == ["position and torque"]
     figure = spectra_figure({**spectra, "reference_coherence": 0 * frequency + 1.0})
     assert legend(figure) == ["position and torque", "reference and position"]
@@ -43,22 +55,34 @@ def test_parametric_models_have_a_gain_and_a_phase():
 
 def test_reflex_responses_begin_after_the_delay_of_their_estimate():
     """Methods with different delays are compared at the same time after the movement."""
-    slow = estimate(ResponseModel(SimpleNamespace(identification_rate=100.0), np.ones(9), np.ones(60)))
+    slow = estimate(
+        ResponseModel(SimpleNamespace(identification_rate=100.0), np.ones(9), np.ones(60))
+    )
     slow.reflex["delay"] = 0.07
     figure = model_figure({"riv": slow, "PI-MOESP": estimate()})
     reflex = figure.axes[3]
     assert reflex.get_xlabel() == "time after the movement [s]"
     starts = [line.get_xdata()[0] for line in reflex.get_lines()]
     assert starts == [0.07, 0.07, 0.04]
-    peaks = [line.get_xdata()[np.argmax(line.get_ydata())] for line in (reflex.get_lines()[0], reflex.get_lines()[2])]
+    peaks = [
+        line.get_xdata()[np.argmax(line.get_ydata())]
+        for line in (reflex.get_lines()[0], reflex.get_lines()[2])
+    ]
     assert peaks[0] - peaks[1] == pytest.approx(0.03)
-    assert peaks[1] == pytest.approx(0.04 + 1 / 40.0, abs=2e-3)  # of a critically damped low-pass, at 1 / ωn
+    assert peaks[1] == pytest.approx(
+        0.04 + 1 / 40.0, abs=2e-3
+    )  # of a critically damped low-pass, at 1 / ωn
 
 
 def test_residuals_have_a_limit_for_correlations():
     lags = np.linspace(-0.5, 0.5, 101)
     test = SimpleNamespace(
-        frequency=lags[51:], density=lags[51:] + 1.0, lags=lags, correlation=0 * lags, limit=0.05, related=False
+        frequency=lags[51:],
+        density=lags[51:] + 1.0,
+        lags=lags,
+        correlation=0 * lags,
+        limit=0.05,
+        related=False,
     )
     figure = residual_figure({"riv": test})
     levels = [line.get_ydata()[0] for line in figure.axes[1].get_lines()[1:]]
@@ -70,7 +94,11 @@ def test_residuals_have_a_limit_for_correlations():
 
 def recordings(**columns):
     names = {"label": "riv", "recording": ["A1", "A2", "A3"], "trusted": [True, True, False]}
-    values = {"K": [100.0, 120.0, 900.0], "K_low": [90.0, 115.0, np.nan], "K_high": [110.0, 125.0, np.nan]}
+    values = {
+        "K": [100.0, 120.0, 900.0],
+        "K_low": [90.0, 115.0, np.nan],
+        "K_high": [110.0, 125.0, np.nan],
+    }
     return pd.DataFrame({**names, **values, **columns})
 
 
@@ -82,6 +110,8 @@ def test_recordings_have_a_row_each_with_their_intervals():
     ends = [segment[:, 0].tolist() for segment in axis.collections[0].get_segments()[:2]]
     assert ends == [[90.0, 110.0], [115.0, 125.0]]
     low, high = axis.get_xlim()
-    assert 80.0 < low < 90.0 < 125.0 < high < 135.0  # of those to be trusted; the other one is an arrow head
+    assert (
+        80.0 < low < 90.0 < 125.0 < high < 135.0
+    )  # of those to be trusted; the other one is an arrow head
     assert legend(figure) == ["riv", "with failures or warnings"]
     assert figure.data["marked"].tolist() == [False, False, True]

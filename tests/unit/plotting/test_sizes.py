@@ -23,19 +23,27 @@ TRUTHS = {"p": ("K [N·m/rad]", 1.0)}
 METHODS = [f"a method with a name of some length, variant {number}" for number in range(5)]
 LINE = np.linspace(0.1, 1.0, 20)
 AXIS = SweepAxis.of("voluntary", "relative voluntary torque [1]", [0.1, 0.2, 0.4, 0.8])
-SWEEP = [SweepPanel("vaf", "reflex VAF, true [%]", "high"), SweepPanel("vaf", "Δ VAF, true [points]", "zero")]
+SWEEP = [
+    SweepPanel("vaf", "reflex VAF, true [%]", "high"),
+    SweepPanel("vaf", "Δ VAF, true [points]", "zero"),
+]
 
 
 def trials(**columns):
     rows = [
-        {"series": name, "x": x, "value": 90.0 + x, **columns} for name in METHODS for x in (1.0, 2.0) for _ in "ab"
+        {"series": name, "x": x, "value": 90.0 + x, **columns}
+        for name in METHODS
+        for x in (1.0, 2.0)
+        for _ in "ab"
     ]
     return pd.DataFrame(rows)
 
 
 def means():
     table = pd.DataFrame([{"x": x, "y": y, "setting": x} for x in AXIS.values for y in AXIS.values])
-    parts = [table.assign(panel=panel.label, series=name) for panel in SWEEP for name in METHODS[:2]]
+    parts = [
+        table.assign(panel=panel.label, series=name) for panel in SWEEP for name in METHODS[:2]
+    ]
     values = {"value": 90.0, "low": 80.0, "high": 95.0, "marked": True, "failed": False}
     return pd.concat(parts).assign(**values, parameter="voluntary")
 
@@ -50,7 +58,9 @@ def residuals():
 
 
 def group():
-    table = pd.DataFrame({"label": METHODS, "subject": "S1", "condition": "rest", "K": 100.0, "trusted": True})
+    table = pd.DataFrame(
+        {"label": METHODS, "subject": "S1", "condition": "rest", "K": 100.0, "trusted": True}
+    )
     return recordings_figure(table.assign(recording="a recording with a long name"), ["K"])
 
 
@@ -64,9 +74,13 @@ def changing():
 
 
 def mean_trajectories():
-    table = pd.DataFrame({"place": LINE, "truth": 1.0, "mean": LINE, "low": LINE, "high": LINE, "n": 3})
+    table = pd.DataFrame(
+        {"place": LINE, "truth": 1.0, "mean": LINE, "low": LINE, "high": LINE, "n": 3}
+    )
     rows = [
-        table.assign(parameter=name, series=series, row="a setting of some length", dimension="phase")
+        table.assign(
+            parameter=name, series=series, row="a setting of some length", dimension="phase"
+        )
         for name in "KBG"
         for series in METHODS
     ]
@@ -74,19 +88,32 @@ def mean_trajectories():
 
 
 FIGURES = {
-    "curves": lambda: curves_figure(trials(panel="p"), {"p": Panel("VAF [%]", "net torque")}, xlabel="gain [1]"),
-    "curves in two rows": lambda: curves_figure(
-        trials(panel="p"), {"p": Panel("VAF [%]")} | {"q": Panel("VAF [%]")}, xlabel="gain [1]", above=92.0
+    "curves": lambda: curves_figure(
+        trials(panel="p"), {"p": Panel("VAF [%]", "net torque")}, xlabel="gain [1]"
     ),
-    "estimates": lambda: estimates_figure(rows_of(value=1.0, margin=0.1), {"p": Panel("K [N·m/rad]")}),
+    "curves in two rows": lambda: curves_figure(
+        trials(panel="p"),
+        {"p": Panel("VAF [%]")} | {"q": Panel("VAF [%]")},
+        xlabel="gain [1]",
+        above=92.0,
+    ),
+    "estimates": lambda: estimates_figure(
+        rows_of(value=1.0, margin=0.1), {"p": Panel("K [N·m/rad]")}
+    ),
     "ratios": lambda: ratio_figure(rows_of(ratio=2.0), limit=1.5),
     "traces": lambda: traces_figure({"open loop": {"time": LINE, "p": LINE}}, TRUTHS, 0.0, RIV),
-    "orders": lambda: order_figure({name: [LINE[::-1]] for name in METHODS}, order=2, styles=ordinal_styles(METHODS)),
-    "spectra": lambda: spectra_figure(dict.fromkeys(("frequency", "position", "torque", "coherence"), LINE)),
+    "orders": lambda: order_figure(
+        {name: [LINE[::-1]] for name in METHODS}, order=2, styles=ordinal_styles(METHODS)
+    ),
+    "spectra": lambda: spectra_figure(
+        dict.fromkeys(("frequency", "position", "torque", "coherence"), LINE)
+    ),
     "residuals": lambda: residual_figure(residuals()),
     "group": group,
     "lines": lambda: lines_figure(means(), [AXIS], SWEEP, ordinal_styles(METHODS)),
-    "effects": lambda: lines_figure(means(), [AXIS, replace(AXIS, name="noise")], SWEEP, ordinal_styles(METHODS)),
+    "effects": lambda: lines_figure(
+        means(), [AXIS, replace(AXIS, name="noise")], SWEEP, ordinal_styles(METHODS)
+    ),
     "maps": lambda: maps_figure(means(), (AXIS, replace(AXIS, label="noise [1]")), SWEEP),
     "trajectories": changing,
     "mean trajectories": mean_trajectories,
@@ -98,7 +125,9 @@ def test_figures_have_the_width_of_columns_letters_that_can_be_read_and_a_table_
     figure = FIGURES[name]()
     with matplotlib.rc_context(STYLE):
         figure.canvas.draw()
-    assert any(25.4 * figure.get_figwidth() == pytest.approx(width) for width in (ONE_COLUMN, TWO_COLUMNS))
+    assert any(
+        25.4 * figure.get_figwidth() == pytest.approx(width) for width in (ONE_COLUMN, TWO_COLUMNS)
+    )
     texts = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
     assert min(text.get_fontsize() for text in texts) >= SMALLEST
     assert len(figure.data) > 0

@@ -12,7 +12,12 @@ from ankleloop.plotting.studies import curves_figure
 def results():
     rng = np.random.default_rng(1)
     rows = [
-        {"panel": panel, "series": series, "x": x, "value": 10.0 * x + offset + rng.standard_normal()}
+        {
+            "panel": panel,
+            "series": series,
+            "x": x,
+            "value": 10.0 * x + offset + rng.standard_normal(),
+        }
         for panel in ("K", "B")
         for series, offset in (("PR-MOESP", 0.0), ("PI-MOESP", -300.0))
         for x in (1.0, 2.0, 4.0)
@@ -27,7 +32,9 @@ def legend(figure):
 
 def test_curves_are_means_with_their_confidence_bands(results):
     figure = curves_figure(
-        results, {"K": Panel("K [N·m/rad]", truth=15.0), "B": Panel("B [N·m·s/rad]")}, xlabel="gain [1]"
+        results,
+        {"K": Panel("K [N·m/rad]", truth=15.0), "B": Panel("B [N·m·s/rad]")},
+        xlabel="gain [1]",
     )
     first, second = figure.axes
     assert [axis.get_ylabel() for axis in (first, second)] == ["K [N·m/rad]", "B [N·m·s/rad]"]
@@ -54,12 +61,16 @@ def rings(axis):
     """Places of the symbols with a ring."""
     lines = [line for line in axis.get_lines() if line.get_label() == "with failures or warnings"]
     return sorted(
-        (float(x), float(y)) for line in lines for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
+        (float(x), float(y))
+        for line in lines
+        for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
     )
 
 
 def test_rings_mark_means_with_failures_or_warnings(results):
-    rows = results[(results["panel"] == "K") & (results["series"] == "PR-MOESP")].assign(outcome="estimate")
+    rows = results[(results["panel"] == "K") & (results["series"] == "PR-MOESP")].assign(
+        outcome="estimate"
+    )
     panels = {"K": Panel("K [N·m/rad]")}
     assert not rings(curves_figure(rows, panels, xlabel="gain [1]").axes[0])
     first = rows.index[rows["x"] == 1.0][0]
@@ -67,10 +78,17 @@ def test_rings_mark_means_with_failures_or_warnings(results):
     rows.loc[first, "outcome"] = "warning"
     rows.loc[second, ["outcome", "value"]] = ["failure", np.nan]
     rows.loc[rows["x"] == 4.0, "outcome"], rows.loc[rows["x"] == 4.0, "value"] = "failure", np.nan
-    figure = curves_figure(rows, {"K": Panel("K [N·m/rad]", limits=(0.0, 100.0))}, xlabel="gain [1]")
+    figure = curves_figure(
+        rows, {"K": Panel("K [N·m/rad]", limits=(0.0, 100.0))}, xlabel="gain [1]"
+    )
     means = rows.groupby("x")["value"].mean()
-    assert rings(figure.axes[0]) == [(1.0, pytest.approx(means[1.0])), (2.0, pytest.approx(means[2.0]))]
-    crosses = [line for line in figure.axes[0].get_lines() if line.get_label() == "every trial failed"]
+    assert rings(figure.axes[0]) == [
+        (1.0, pytest.approx(means[1.0])),
+        (2.0, pytest.approx(means[2.0])),
+    ]
+    crosses = [
+        line for line in figure.axes[0].get_lines() if line.get_label() == "every trial failed"
+    ]
     assert [line.get_xdata().tolist() for line in crosses] == [[4.0]]
     assert not figure.axes[0].texts  # a cross at the edge is no mean below the limit
     assert legend(figure) == ["PR-MOESP", "with failures or warnings", "every trial failed"]
@@ -86,7 +104,9 @@ def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limi
             "margin": [0.5, np.nan, 1.0, 50.0],
         }
     )
-    figure = estimates_figure(table, {"K": Panel("error of K [%]", truth=0.0, limits=(-10.0, 20.0))})
+    figure = estimates_figure(
+        table, {"K": Panel("error of K [%]", truth=0.0, limits=(-10.0, 20.0))}
+    )
     axis = figure.axes[0]
     assert legend(figure) == ["PR-MOESP", "EIV-MOESP", "true value"]
     assert [label.get_text() for label in axis.get_yticklabels()] == ["complete", "rank policy"]
@@ -104,21 +124,31 @@ def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limi
 
 
 def test_what_lies_above_a_level_has_panels_of_its_own(results):
-    rows = results.assign(value=np.where(results["series"] == "PR-MOESP", 99.0, -50.0) + 0.1 * results["value"])
-    panels = {name: Panel("VAF [%]", f"{name} torque", limits=(-200.0, 105.0)) for name in ("K", "B")}
+    rows = results.assign(
+        value=np.where(results["series"] == "PR-MOESP", 99.0, -50.0) + 0.1 * results["value"]
+    )
+    panels = {
+        name: Panel("VAF [%]", f"{name} torque", limits=(-200.0, 105.0)) for name in ("K", "B")
+    }
     figure = curves_figure(rows, panels, xlabel="gain [1]", above=90.0)
     assert [axis.get_ylim() for axis in figure.axes] == [(90.0, 105.0)] * 2 + [(-200.0, 105.0)] * 2
     first, last = figure.axes[0].get_lines(), figure.axes[2].get_lines()
-    assert [line.get_ydata().tolist() for line in first] == [line.get_ydata().tolist() for line in last]
+    assert [line.get_ydata().tolist() for line in first] == [
+        line.get_ydata().tolist() for line in last
+    ]
     assert figure.data["quantity"].unique().tolist() == ["VAF above 90", "VAF"]
 
 
 def test_the_table_of_a_figure_has_what_its_lines_have(results):
-    figure = curves_figure(results, {"K": Panel("K [N·m/rad]"), "B": Panel("B [N·m·s/rad]")}, xlabel="gain [1]")
+    figure = curves_figure(
+        results, {"K": Panel("K [N·m/rad]"), "B": Panel("B [N·m·s/rad]")}, xlabel="gain [1]"
+    )
     assert figure.data["unit"].unique().tolist() == ["N·m/rad", "N·m·s/rad"]
     for axis, quantity in zip(figure.axes, ("K", "B"), strict=True):
         for line, band in zip(axis.get_lines(), axis.collections, strict=True):
-            rows = figure.data[(figure.data["quantity"] == quantity) & (figure.data["series"] == line.get_label())]
+            rows = figure.data[
+                (figure.data["quantity"] == quantity) & (figure.data["series"] == line.get_label())
+            ]
             np.testing.assert_array_equal(line.get_xydata(), rows[["x", "value"]])
             edges = band.get_paths()[0].vertices
             assert {*rows["low"], *rows["high"]} <= set(edges[:, 1])

@@ -33,7 +33,9 @@ def rows_of(places, **columns):
         if ("−" in name) == (panel is DIFFERENCE)
         for number, place in enumerate(places)
     ]
-    table = pd.DataFrame(rows).assign(marked=False, failed=False, trials=5, failures=0, warnings=0, **columns)
+    table = pd.DataFrame(rows).assign(
+        marked=False, failed=False, trials=5, failures=0, warnings=0, **columns
+    )
     return table.assign(low=table["value"] - 2, high=table["value"] + 4)
 
 
@@ -78,12 +80,20 @@ def test_maps_have_a_panel_for_each_method_and_quantity_and_difference():
     panels = panels_of(figure)
     titles = [axis.get_title().replace("\n", " ") for axis in panels]
     assert titles == ["RIV", "PR-MOESP", "RIV − PR-MOESP", "RIV", "PR-MOESP"]
-    bars = [axis.get_ylabel().replace("\n", " ") for axis in figure.axes if axis.get_label() == "<colorbar>"]
+    bars = [
+        axis.get_ylabel().replace("\n", " ")
+        for axis in figure.axes
+        if axis.get_label() == "<colorbar>"
+    ]
     assert bars == [panel.label for panel in PANELS]
-    assert [axis.get_xlabel() for axis in panels] == [""] * 2 + [GAIN.label] * 3  # below the last of each column
+    assert [axis.get_xlabel() for axis in panels] == [""] * 2 + [
+        GAIN.label
+    ] * 3  # below the last of each column
     assert [axis.get_ylabel() for axis in panels] == [NOISE.label, "", "", NOISE.label, ""]
     assert [label.get_text() for label in panels[0].get_yticklabels()] == ["0.1", "1", "10"]
-    rows = figure.data.query("quantity == 'reflex VAF' and series == 'PR-MOESP'").sort_values(["y", "x"])
+    rows = figure.data.query("quantity == 'reflex VAF' and series == 'PR-MOESP'").sort_values(
+        ["y", "x"]
+    )
     np.testing.assert_array_equal(panels[1].images[0].get_array().ravel(), rows["value"])
     assert set(figure.data["unit"]) == {"%", "points", "N·m/rad"}
     first, second, difference = (axis.images[0] for axis in panels[:3])
@@ -95,7 +105,9 @@ def test_cells_have_their_numbers_and_marks():
     """A cross where there are trials but no value, nothing where there is no point, an asterisk behind marked means."""
     table = cells()
     table = table[~((table["x"] == 20.0) & (table["y"] == 10.0))]
-    table.loc[(table["x"] == 5.0) & (table["y"] == 0.1) & (table["series"] == "RIV"), "value"] = np.nan
+    table.loc[(table["x"] == 5.0) & (table["y"] == 0.1) & (table["series"] == "RIV"), "value"] = (
+        np.nan
+    )
     table.loc[(table["x"] == 10.0) & (table["y"] == 0.1), "marked"] = True
     first, second = panels_of(draw(maps_figure(table, (GAIN, NOISE), [VAF])))
     assert np.isnan(first.images[0].get_array().filled(np.nan)).sum() == 2

@@ -26,7 +26,10 @@ def test_estimates_of_a_recording_are_drawn_over_its_measured_torque(identified)
     titles = [axis.get_title() for axis in figure.axes]
     assert all(title.endswith("(measured)") for title in titles)
     end = float(trial["time"][-1])
-    assert figure.axes[0].get_xlim() == (end - 4.0, end)  # a window beyond the record is moved into it
+    assert figure.axes[0].get_xlim() == (
+        end - 4.0,
+        end,
+    )  # a window beyond the record is moved into it
 
 
 def test_the_table_has_what_is_drawn(identified, tmp_path):
@@ -52,19 +55,35 @@ def test_torques_have_no_mean_and_are_those_of_the_trial(identified):
         assert values.shape == torques.time.shape
         assert abs(values.mean()) < 1e-9
     time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
-    for channel, values in (("torque", torques.measured), ("torque_reflex", torques.true["reflex"])):
+    for channel, values in (
+        ("torque", torques.measured),
+        ("torque_reflex", torques.true["reflex"]),
+    ):
         expected = prepared.channel_at(channel, time, rate)
         np.testing.assert_allclose(values, expected - expected.mean(), atol=1e-12)
-    np.testing.assert_allclose(torques.true["net"], torques.true["intrinsic"] + torques.true["reflex"], atol=1e-12)
-    assert centre_torques(prepare(trial.drop_vars(["torque_intrinsic", "torque_reflex"])), estimate).true == {}
+    np.testing.assert_allclose(
+        torques.true["net"], torques.true["intrinsic"] + torques.true["reflex"], atol=1e-12
+    )
+    assert (
+        centre_torques(
+            prepare(trial.drop_vars(["torque_intrinsic", "torque_reflex"])), estimate
+        ).true
+        == {}
+    )
 
 
-def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over_the_true_ones(identified):
+def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over_the_true_ones(
+    identified,
+):
     trial, estimates = identified
     estimate = estimates["PR-MOESP"]
     figure = estimate.plot()
     titles = [axis.get_title().replace("\n", " ") for axis in figure.axes]
-    assert titles == [f"pr-moesp net: VAF {estimate.vaf_net:.1f} % (measured)", "intrinsic", "reflex"]
+    assert titles == [
+        f"pr-moesp net: VAF {estimate.vaf_net:.1f} % (measured)",
+        "intrinsic",
+        "reflex",
+    ]
     assert set(figure.data["series"]) == {"measured", "pr-moesp (estimated)"}
     (measured,) = (line for line in figure.axes[1].get_lines() if line.get_label() == "measured")
     expected = estimate.torque["measured"].sel(time=measured.get_xdata())
@@ -74,7 +93,9 @@ def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over
 
 def test_an_estimate_without_a_measured_torque_asks_for_the_trial(identified):
     trial, estimates = identified
-    estimate = replace(estimates["PR-MOESP"], torque=estimates["PR-MOESP"].torque.drop_vars("measured"))
+    estimate = replace(
+        estimates["PR-MOESP"], torque=estimates["PR-MOESP"].torque.drop_vars("measured")
+    )
     with pytest.raises(ankleloop.DataError, match=r"give the trial, estimate\.plot\(trial\)"):
         estimate.plot()
     assert len(estimate.plot(trial).axes) == 3

@@ -27,7 +27,11 @@ def make_estimate(dimension="phase", blank=slice(0, 0)):
 
 
 def grey_fields(axis):
-    return [p for p in axis.patches if isinstance(p, Rectangle) and np.allclose(p.get_facecolor()[:3], 0xDD / 0xFF)]
+    return [
+        p
+        for p in axis.patches
+        if isinstance(p, Rectangle) and np.allclose(p.get_facecolor()[:3], 0xDD / 0xFF)
+    ]
 
 
 def test_what_is_not_identified_is_blank_and_grey():
@@ -40,7 +44,9 @@ def test_what_is_not_identified_is_blank_and_grey():
     line = next(line for line in upper.get_lines() if line.get_label() == "riv-tv")
     assert np.isnan(line.get_ydata()[20:41]).all()
     assert np.isfinite(line.get_ydata()[:20]).all()
-    assert "not identified" in [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert "not identified" in [
+        text.get_text() for legend in figure.legends for text in legend.get_texts()
+    ]
 
 
 def test_the_table_has_trajectories_bands_excitation_and_truth():
@@ -50,7 +56,9 @@ def test_the_table_has_trajectories_bands_excitation_and_truth():
     assert part["unit"].unique().tolist() == ["N·m·s/rad"]
     np.testing.assert_allclose((part["high"] - part["low"])[10:], 10.0)
     assert part["value"][:10].isna().all()
-    np.testing.assert_allclose(data.query("quantity == 'G' and series == 'true value'")["value"], truths["G"])
+    np.testing.assert_allclose(
+        data.query("quantity == 'G' and series == 'true value'")["value"], truths["G"]
+    )
     excitation = data[data["quantity"] == "excitation"]
     np.testing.assert_allclose(excitation["value"][:10], 0.001)
 

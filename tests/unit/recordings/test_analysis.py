@@ -21,7 +21,10 @@ METHODS = {
     "riv": {"method": "riv"},
     "riv, position": {"method": "riv", "options": {"reference": "position"}},
     "PR": {"method": "pr-moesp", "options": {"basis": "rectifier"}},
-    "PR, instruments": {"method": "pr-moesp", "options": {"basis": "rectifier", "input_matrices": "instruments"}},
+    "PR, instruments": {
+        "method": "pr-moesp",
+        "options": {"basis": "rectifier", "input_matrices": "instruments"},
+    },
     "PI": {"method": "pi-moesp", "options": {"basis": "rectifier"}, "select": {"order": [1, 2]}},
     "cascade": {"method": "parallel-cascade"},
 }
@@ -92,7 +95,10 @@ def test_short_trials_are_merged():
     assert analysis.check.verdict == "warning"
     assert "48 s" in analysis.check.findings[0].text
     assert analyse(trials[:1], METHODS).check.verdict == "refused"
-    methods = {"PI": {"method": "pi-moesp", "options": {"basis": "rectifier"}}, "cascade": METHODS["cascade"]}
+    methods = {
+        "PI": {"method": "pi-moesp", "options": {"basis": "rectifier"}},
+        "cascade": METHODS["cascade"],
+    }
     merged = analyse(trials, methods)
     row = merged.table.set_index("label").loc["PI"]
     assert row["K"] == pytest.approx(150.0, rel=0.1)
@@ -108,7 +114,9 @@ def test_short_trials_are_merged():
 def test_merged_closed_loop_trials_rest_on_the_reference():
     trials = [simulate(seed=seed, duration=6.0) for seed in range(6)]
     instruments = {"basis": "rectifier", "input_matrices": "instruments"}
-    analysis = analyse(trials, {"PR": {"method": "pr-moesp", "options": instruments}, "PI": METHODS["PI"]})
+    analysis = analyse(
+        trials, {"PR": {"method": "pr-moesp", "options": instruments}, "PI": METHODS["PI"]}
+    )
     table = analysis.table.set_index("label")
     assert table["loop"].tolist() == ["closed", "closed"]
     assert table["valid"].tolist() == [True, False]
@@ -125,7 +133,11 @@ def patch_method(monkeypatch, name, change):
             raise change
         return change(method.identify(trial, options))
 
-    monkeypatch.setattr(registry, "METHODS", {**registry.METHODS, name: replace(method, identify=identify_and_change)})
+    monkeypatch.setattr(
+        registry,
+        "METHODS",
+        {**registry.METHODS, name: replace(method, identify=identify_and_change)},
+    )
 
 
 @pytest.mark.parametrize(
@@ -139,7 +151,10 @@ def patch_method(monkeypatch, name, change):
 )
 def test_a_method_that_fails_does_not_stop_the_others(monkeypatch, error, text):
     patch_method(monkeypatch, "riv", error)
-    analysis = analyse(simulate(seed=1, duration=20.0, closed_loop=False), {"riv": METHODS["riv"], "PR": METHODS["PR"]})
+    analysis = analyse(
+        simulate(seed=1, duration=20.0, closed_loop=False),
+        {"riv": METHODS["riv"], "PR": METHODS["PR"]},
+    )
     table = analysis.table.set_index("label")
     assert table["valid"].tolist() == [False, True]
     assert text in table.loc["riv", "warnings"]
@@ -162,13 +177,18 @@ def add_warning(estimate):
 
 
 def turn_viscosity(estimate):
-    return replace(estimate, stiffness={**estimate.stiffness, "B": -1.0}, intervals={"B": (-1.5, -0.5)})
+    return replace(
+        estimate, stiffness={**estimate.stiffness, "B": -1.0}, intervals={"B": (-1.5, -0.5)}
+    )
 
 
 @pytest.mark.parametrize(
-    ("change", "warning"), [(add_warning, "not converged."), (turn_viscosity, "B = -1 N·m·s/rad is negative")]
+    ("change", "warning"),
+    [(add_warning, "not converged."), (turn_viscosity, "B = -1 N·m·s/rad is negative")],
 )
-def test_estimates_with_a_warning_are_not_trusted_and_have_no_intervals(monkeypatch, change, warning):
+def test_estimates_with_a_warning_are_not_trusted_and_have_no_intervals(
+    monkeypatch, change, warning
+):
     trial = simulate(seed=1, duration=20.0)
     good = analyse(trial, {"riv": METHODS["riv"]})
     assert good.table.loc[0, "trusted"]
@@ -196,7 +216,9 @@ def test_a_refused_recording_has_only_its_reason():
 
 def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():
     options = {"basis": "spline", "block_rows": 40, "input_matrices": "instruments"}
-    analysis = analyse(simulate(seed=5, duration=14.0), {"PI": {"method": "pi-moesp", "options": options}})
+    analysis = analyse(
+        simulate(seed=5, duration=14.0), {"PI": {"method": "pi-moesp", "options": options}}
+    )
     row = analysis.table.loc[0]
     assert row["valid"]
     assert np.isnan(row["vaf_unseen"])
@@ -212,17 +234,25 @@ def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():
 @pytest.mark.parametrize(("recording", "net"), [("z_df", 93.4), ("z_pf", 87.7), ("z_df3", 93.4)])
 def test_real_recordings(recording, net):
     """Those of the example. Their torque has the other sign; then only the missing reference gives warnings."""
-    example = yaml.safe_load((ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8"))
+    example = yaml.safe_load(
+        (ROOT / "config" / "recordings.example.yaml").read_text(encoding="utf-8")
+    )
     study = read_studies(example)[1]["recordings"]
     mapping = study.chunks[0][recording]
     (path,), (part,) = mapping["paths"], mapping["parts"]
     turned = analyse(load_recording(path, part | {"torque_sign": 1}), {})
-    assert [finding.name for finding in turned.check.findings if finding.verdict == "refused"] == ["sign of the torque"]
+    assert [finding.name for finding in turned.check.findings if finding.verdict == "refused"] == [
+        "sign of the torque"
+    ]
     trial = load_recording(path, part)
     analysis = analyse(trial, study.analysed_methods)
     assert (trial.sizes["time"], trial.attrs["sampling_rate"]) == (60_000, 1000.0)
     assert analysis.check.loop == "undecided"
-    assert {f.name for f in analysis.check.findings if f.verdict != "ok"} == {"reference", "loop", "methods"}
+    assert {f.name for f in analysis.check.findings if f.verdict != "ok"} == {
+        "reference",
+        "loop",
+        "methods",
+    }
     table = analysis.table.set_index("method")
     assert (table[["K", "B", "I"]] > 0).all(axis=None)
     assert (table.loc[["pi-moesp", "parallel-cascade"], "vaf_net"] > net - 1).all()

@@ -27,12 +27,20 @@ def test_a_good_record_is_ok(closed):
     assert check.loop == "closed"
     assert list(check.methods) == ["riv", "pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "riv-tv"]
     assert check.reasons == []
-    assert set(check.spectra) == {"frequency", "position", "torque", "coherence", "reference_coherence"}
+    assert set(check.spectra) == {
+        "frequency",
+        "position",
+        "torque",
+        "coherence",
+        "reference_coherence",
+    }
 
 
 def test_spectra_against_scipy(closed):
     spectra = check_trial(closed).spectra
-    r = prepare(closed).regressors(delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference")
+    r = prepare(closed).regressors(
+        delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference"
+    )
     options = {"fs": 100.0, "nperseg": 512, "window": np.hanning(512)}
     frequency, density = sps.welch(r.torque, **options)
     inside = np.isin(frequency, spectra["frequency"])
@@ -43,7 +51,11 @@ def test_spectra_against_scipy(closed):
 
 def test_valid_methods_run_with_their_options(closed):
     opened = simulate(seed=1, closed_loop=False)
-    for loop, trial in (("closed", closed), ("open", opened), ("undecided", opened.drop_vars("reference"))):
+    for loop, trial in (
+        ("closed", closed),
+        ("open", opened),
+        ("undecided", opened.drop_vars("reference")),
+    ):
         check = check_trial(trial)
         assert (check.loop, bool(check.methods)) == (loop, True)
         for method, options in check.methods.items():
@@ -51,7 +63,11 @@ def test_valid_methods_run_with_their_options(closed):
 
 
 def test_the_sign_is_detected(closed):
-    for trial in (closed, simulate(seed=2, reflex_gain=15.0, voluntary=1.0), simulate(seed=3, closed_loop=False)):
+    for trial in (
+        closed,
+        simulate(seed=2, reflex_gain=15.0, voluntary=1.0),
+        simulate(seed=3, closed_loop=False),
+    ):
         assert find(check_trial(trial), "sign of the torque").verdict == "ok"
         flipped = check_trial(trial.assign(torque=-trial["torque"]))
         assert flipped.verdict == "refused"
@@ -101,7 +117,9 @@ def test_merged_trials_have_the_worst_finding_and_its_trial():
     check = check_trial(trials)
     assert check.loop == "open"
     assert list(check.methods) == ["pr-moesp", "pi-moesp", "po-moesp", "eiv-moesp", "moesp"]
-    assert find(check, "length").text.startswith("3 trials of 10 s or more, 30 s at 1000 Hz, without gaps")
+    assert find(check, "length").text.startswith(
+        "3 trials of 10 s or more, 30 s at 1000 Hz, without gaps"
+    )
     assert find(check, "drift").text.startswith("all 3 trials pass; the first: ")
     assert find(check, "methods").text.startswith("of those that merge trials, ")
     trials[1] = trials[1].assign(torque=-trials[1]["torque"])
@@ -132,7 +150,9 @@ def test_seconds_of_closed_loop_are_never_open(duration):
     assert check.loop in ("closed", "undecided")
     if check.loop == "undecided":
         assert find(check, "loop").verdict == "warning"
-        assert "record" in find(check, "loop").text or "record longer" in find(check, "reference").text
+        assert (
+            "record" in find(check, "loop").text or "record longer" in find(check, "reference").text
+        )
 
 
 def test_a_stiff_load_is_closed_in_a_short_record():
@@ -145,12 +165,15 @@ def test_an_undecided_loop_with_a_reference_leaves_the_methods_of_closed_loop():
     """A servo that shakes hides what feedback there may be."""
     trial = simulate(seed=1, duration=12.0, closed_loop=False, voluntary=1.0)
     noise = sps.sosfiltfilt(
-        sps.butter(2, 8.0, fs=1000.0, output="sos"), np.random.default_rng(1).standard_normal(trial.sizes["time"])
+        sps.butter(2, 8.0, fs=1000.0, output="sos"),
+        np.random.default_rng(1).standard_normal(trial.sizes["time"]),
     )
     check = check_trial(trial.assign(reference=trial["reference"] + 0.003 * noise / noise.std()))
     assert check.loop == "undecided"
     text = find(check, "loop").text
-    assert re.search(r"may be off by as much as \d\S* % \(99 % confidence; 2 % would matter\)", text)
+    assert re.search(
+        r"may be off by as much as \d\S* % \(99 % confidence; 2 % would matter\)", text
+    )
     assert re.search(r"About \d\S* s, or a stronger perturbation, would decide", text)
     assert list(check.methods) == list(check_trial(simulate(seed=1)).methods)
 
@@ -159,6 +182,10 @@ def test_an_identification_warns_of_what_the_check_finds():
     trial = simulate(seed=1, duration=20.0)
     trial["torque"] = trial["torque"].clip(-6.0, 6.0)
     trial["position"][4000:5000] = trial["position"][4000]
-    reasons = [f.text for f in check_trial(trial).findings if f.verdict != "ok" and f.name not in ("length", "loop")]
+    reasons = [
+        f.text
+        for f in check_trial(trial).findings
+        if f.verdict != "ok" and f.name not in ("length", "loop")
+    ]
     assert len(reasons) >= 2
     assert set(identify(trial, "riv").diagnostics["data_warnings"]) == set(reasons)

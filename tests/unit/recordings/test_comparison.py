@@ -10,7 +10,9 @@ from ankleloop.recordings.analysis import compare_unseen
 
 
 def part(y, residual, start=0):
-    return torque_dataset(np.arange(start, start + y.size) / 100, 100.0, measured=y, net=y - residual)
+    return torque_dataset(
+        np.arange(start, start + y.size) / 100, 100.0, measured=y, net=y - residual
+    )
 
 
 def coloured(rng, size):
@@ -27,7 +29,9 @@ def test_intervals_hold_the_true_difference(trials):
         pairs = []
         for _ in range(trials):
             y, common, a, b = (coloured(rng, 4000 // trials) for _ in range(4))
-            pairs.append((part(y, 0.3 * common + np.sqrt(0.07) * a), part(y, 0.3 * common + 0.4 * b)))
+            pairs.append(
+                (part(y, 0.3 * common + np.sqrt(0.07) * a), part(y, 0.3 * common + 0.4 * b))
+            )
         difference = compare_unseen([first for first, _ in pairs], [second for _, second in pairs])
         hits.append(difference.low < truth < difference.high)
         widths.append(difference.high - difference.low)
@@ -41,7 +45,9 @@ def test_a_common_difficulty_cancels():
     y, hard, extra = (coloured(rng, 4000) for _ in range(3))
     parts = [part(y, 0.5 * hard), part(y, 0.5 * hard + 0.1 * extra)]
     difference = compare_unseen([parts[0]], [parts[1]])
-    assert difference.difference == pytest.approx(vaf(y, y - 0.5 * hard) - vaf(y, y - 0.5 * hard - 0.1 * extra))
+    assert difference.difference == pytest.approx(
+        vaf(y, y - 0.5 * hard) - vaf(y, y - 0.5 * hard - 0.1 * extra)
+    )
     assert difference.high - difference.low < 3
     swapped = compare_unseen([parts[1]], [parts[0]])
     assert (swapped.low, swapped.high) == pytest.approx((-difference.high, -difference.low))

@@ -10,11 +10,32 @@ from ankleloop.recordings.checks import Check, Finding
 from ankleloop.recordings.recommendation import Recommendation, recommend
 
 FED_BACK = "the loop is closed, and torque that is fed back does not bias it"
-RIV = {"label": "RIV", "method": "riv", "valid": True, "trusted": True, "vaf_unseen": 90.0, "K": 151.23}
+RIV = {
+    "label": "RIV",
+    "method": "riv",
+    "valid": True,
+    "trusted": True,
+    "vaf_unseen": 90.0,
+    "K": 151.23,
+}
 RIV |= {"K_low": 149.5, "K_high": 153.0, "intervals": "robust"}
-PR = {"label": "PR", "method": "pr-moesp", "valid": True, "trusted": True, "vaf_unseen": 91.26, "K": 149.0}
+PR = {
+    "label": "PR",
+    "method": "pr-moesp",
+    "valid": True,
+    "trusted": True,
+    "vaf_unseen": 91.26,
+    "K": 149.0,
+}
 CASCADE = {**PR, "label": "cascade", "method": "parallel-cascade", "vaf_unseen": 91.0}
-INVALID = {"label": "PI", "method": "pi-moesp", "valid": False, "trusted": False, "vaf_unseen": np.nan, "K": np.nan}
+INVALID = {
+    "label": "PI",
+    "method": "pi-moesp",
+    "valid": False,
+    "trusted": False,
+    "vaf_unseen": np.nan,
+    "K": np.nan,
+}
 ROWS = [PR, RIV, INVALID]
 
 
@@ -26,7 +47,9 @@ def residual(size, seed, samples=6000):
     """Torque of the unseen half, predicted but for a residual of a size [%] of its variance."""
     y = np.random.default_rng(0).standard_normal(samples)
     e = np.random.default_rng(seed).standard_normal(samples)
-    return [torque_dataset(np.arange(samples) / 100, 100.0, measured=y, net=y - np.sqrt(size / 100) * e)]
+    return [
+        torque_dataset(np.arange(samples) / 100, 100.0, measured=y, net=y - np.sqrt(size / 100) * e)
+    ]
 
 
 def make_analysis(loop, rows, *, unseen=None, reference=True):
@@ -62,7 +85,9 @@ def test_open_loop_takes_what_explains_most_if_the_difference_is_certain(loop, r
     unseen = {"PR": residual(5.0, 1), "RIV": residual(10.0, 2)}
     recommendation = recommend(make_analysis(loop, ROWS, unseen=unseen, reference=reference))
     assert recommendation.label == "PR"
-    assert recommendation.text.startswith(f"{start}it explains most (91.3 % of the half that was not fitted), by ")
+    assert recommendation.text.startswith(
+        f"{start}it explains most (91.3 % of the half that was not fitted), by "
+    )
     assert float(recommendation.text.split(" by ")[1].split()[0]) == pytest.approx(4.7, abs=0.3)
 
 
@@ -85,19 +110,28 @@ def test_what_is_not_told_apart_has_the_interval_of_its_difference():
 )
 def test_no_recommendation_without_a_method_to_be_trusted(loop, rows, reason):
     recommendation = recommend(make_analysis(loop, rows))
-    assert recommendation == Recommendation(None, f"Nothing can be concluded from this recording: {reason}.")
+    assert recommendation == Recommendation(
+        None, f"Nothing can be concluded from this recording: {reason}."
+    )
 
 
 def test_a_warning_keeps_the_best_score_from_being_recommended():
     unseen = {"PR": residual(1.0, 1), "RIV": residual(10.0, 2)}
-    for row in (warned(PR), {**PR, "unseen_warnings": "not converged"}, {**PR, "vaf_unseen": np.nan}):
+    for row in (
+        warned(PR),
+        {**PR, "unseen_warnings": "not converged"},
+        {**PR, "vaf_unseen": np.nan},
+    ):
         recommendation = recommend(make_analysis("open", [row, RIV], unseen=unseen))
         assert recommendation.label == "RIV"
         assert "without a score of the unseen half: PR." in recommendation.text
 
 
 def test_a_method_without_a_caution_comes_before_one_with_a_caution():
-    rows = [{**PR, "label": "EIV", "method": "eiv-moesp", "caution": "it assumes white noise."}, CASCADE]
+    rows = [
+        {**PR, "label": "EIV", "method": "eiv-moesp", "caution": "it assumes white noise."},
+        CASCADE,
+    ]
     unseen = {"EIV": residual(9.0, 1), "cascade": residual(9.1, 2)}
     assert recommend(make_analysis("open", rows, unseen=unseen)).label == "cascade"
 

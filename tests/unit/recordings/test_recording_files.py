@@ -21,18 +21,30 @@ def path(simulated, tmp_path_factory):
     """A trial in degrees, with the sign of a motor, and with drift."""
     path = tmp_path_factory.mktemp("laboratory") / "trial.csv"
     time = simulated["time"].values
-    columns = {"t": time, "angle": np.degrees(simulated["position"]), "moment": -simulated["torque"] - 2.0 * time}
-    pd.DataFrame({name: np.asarray(values) for name, values in columns.items()}).to_csv(path, index=False)
+    columns = {
+        "t": time,
+        "angle": np.degrees(simulated["position"]),
+        "moment": -simulated["torque"] - 2.0 * time,
+    }
+    pd.DataFrame({name: np.asarray(values) for name, values in columns.items()}).to_csv(
+        path, index=False
+    )
     return path
 
 
 def test_recording_is_read_by_its_mapping(path, simulated):
     trial = files.load_recording(path, MAPPING)
     np.testing.assert_allclose(trial["position"], simulated["position"], atol=1e-12)
-    np.testing.assert_allclose(trial["torque"], simulated["torque"] + 2.0 * simulated["time"].values, atol=1e-9)
+    np.testing.assert_allclose(
+        trial["torque"], simulated["torque"] + 2.0 * simulated["time"].values, atol=1e-9
+    )
     level = files.load_recording(path, {**MAPPING, "drift": 1})["torque"]
     assert abs(np.polyfit(simulated["time"], level, 1)[0]) < 1e-9
-    for start, stop, ends in ((2.0, 5.0, (2.0, 5.0)), (None, 5.0, (0.0, 5.0)), (2.0, None, (2.0, 11.999))):
+    for start, stop, ends in (
+        (2.0, 5.0, (2.0, 5.0)),
+        (None, 5.0, (0.0, 5.0)),
+        (2.0, None, (2.0, 11.999)),
+    ):
         time = files.load_recording(path, {**MAPPING, "start": start, "stop": stop})["time"].values
         assert (time[0], time[-1]) == pytest.approx(ends, abs=2e-3)
 
@@ -51,7 +63,9 @@ def test_analysis_has_a_table_and_exports(path, tmp_path):
 
 
 def test_estimates_of_merged_trials_are_numbered(path, tmp_path):
-    halves = [files.load_recording(path, MAPPING | part) for part in ({"stop": 6.0}, {"start": 6.0})]
+    halves = [
+        files.load_recording(path, MAPPING | part) for part in ({"stop": 6.0}, {"start": 6.0})
+    ]
     analysis = analyse(halves, METHODS)
     files.export_estimates({"pr-moesp": analysis.records["PR-MOESP"]}, tmp_path / "M1")
     assert {file.stem for file in (tmp_path / "M1").iterdir()} == {"pr-moesp-1", "pr-moesp-2"}

@@ -16,7 +16,9 @@ def test_check_and_analysis_agree(loop, reference, path_bias, merged):
     """What the check lists, with its options, is what the analysis does not refuse."""
     methods = valid_methods(loop, reference, path_bias, merged=merged)
     for name in METHODS:
-        reason = reason_against(name, methods.get(name, {}), loop, reference, path_bias, merged=merged)
+        reason = reason_against(
+            name, methods.get(name, {}), loop, reference, path_bias, merged=merged
+        )
         assert (reason is None) == (name in methods), name
         assert METHODS[name].merges or not merged or name not in methods
     text = describe_validity(loop, reference, path_bias, merged=merged)
@@ -26,9 +28,14 @@ def test_check_and_analysis_agree(loop, reference, path_bias, merged):
 
 def test_open_loop_has_every_method_if_the_perturbation_decorrelates():
     assert set(valid_methods("open", True, UNCORRELATED)) == set(METHODS)
-    assert describe_validity("open", True, UNCORRELATED) == f"{', '.join(valid_methods('open', True, UNCORRELATED))}."
+    assert (
+        describe_validity("open", True, UNCORRELATED)
+        == f"{', '.join(valid_methods('open', True, UNCORRELATED))}."
+    )
     assert set(METHODS) - set(valid_methods("open", True, CORRELATED)) == {"real-time"}
-    assert "one after the other" in reason_against("parallel-cascade", {"max_passes": 1}, "open", True, CORRELATED)
+    assert "one after the other" in reason_against(
+        "parallel-cascade", {"max_passes": 1}, "open", True, CORRELATED
+    )
 
 
 @pytest.mark.parametrize("loop", ["closed", "undecided"])
@@ -38,7 +45,9 @@ def test_least_squares_and_the_position_are_refused_unless_the_loop_is_open(loop
     instruments = {"input_matrices": "instruments"}
     assert reason_against("pr-moesp", instruments, *state) is None
     for method, options in (("riv", {}), ("eiv-moesp", instruments)):
-        assert "open loop only" in reason_against(method, {**options, "reference": "position"}, *state)
+        assert "open loop only" in reason_against(
+            method, {**options, "reference": "position"}, *state
+        )
     for method in ("moesp", "parallel-cascade", "real-time"):
         assert "not valid in closed loop" in reason_against(method, {}, *state)
 

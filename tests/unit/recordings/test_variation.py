@@ -15,7 +15,12 @@ from ankleloop.recordings.recommendation import describe_variations, recommend
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.recording_settings import Recording, read_recordings
 
-CHANGE = {"stiffness_variation": 0.4, "gain_variation": 0.4, "load": (0.1, 10.0, 100.0), "voluntary": 0.3}
+CHANGE = {
+    "stiffness_variation": 0.4,
+    "gain_variation": 0.4,
+    "load": (0.1, 10.0, 100.0),
+    "voluntary": 0.3,
+}
 METHODS = {
     "changing": {"method": "riv-tv", "options": {"rest_position": 0.0}},
     "constant": {"method": "riv"},
@@ -40,7 +45,9 @@ def test_unseen_cycles_are_predicted_at_their_own_onsets(analysis):
     _, result = analysis
     table = result.table.set_index("label")
     assert table.loc["changing", "vaf_unseen"] > table.loc["constant", "vaf_unseen"] + 10.0
-    assert table.loc["changing", "vaf_unseen"] == pytest.approx(table.loc["changing", "vaf_net"], abs=4.0)
+    assert table.loc["changing", "vaf_unseen"] == pytest.approx(
+        table.loc["changing", "vaf_net"], abs=4.0
+    )
 
 
 def test_a_change_is_told_with_its_test_and_the_gain_on_unseen_cycles(analysis):
@@ -50,7 +57,9 @@ def test_a_change_is_told_with_its_test_and_the_gain_on_unseen_cycles(analysis):
     assert text.startswith("K, B or G change with the phase of the cycle")
     assert "(level 5 %)" in text
     stated = float(re.search(r"a difference of ([\d.]+) points", text)[1])
-    assert stated == pytest.approx(gain, abs=1.0)  # without the means of the residuals, which a VAF leaves out, too
+    assert stated == pytest.approx(
+        gain, abs=1.0
+    )  # without the means of the residuals, which a VAF leaves out, too
     assert "Of the torque of unseen cycles the trajectories explain" in text
     assert "the time-invariant fit (constant)" in text
 
@@ -71,7 +80,9 @@ def test_the_page_shows_trajectories_bands_and_excitation(analysis):
 def test_an_incomplete_model_decides_nothing(analysis):
     """What a model leaves out, such as a threshold, may look like a change."""
     _, result = analysis
-    incomplete = replace(result, table=result.table.assign(incomplete=result.table["label"].eq("changing")))
+    incomplete = replace(
+        result, table=result.table.assign(incomplete=result.table["label"].eq("changing"))
+    )
     (text,) = describe_variations(incomplete).values()
     assert "So the test decides nothing here." in text
     assert recommend(result).label == "changing"
@@ -79,7 +90,9 @@ def test_an_incomplete_model_decides_nothing(analysis):
 
 
 def test_a_constant_joint_is_not_called_changing():
-    trial = simulate(seed=3, duration=50.0, variation="cycle", voluntary=0.3, load=(0.1, 10.0, 100.0))
+    trial = simulate(
+        seed=3, duration=50.0, variation="cycle", voluntary=0.3, load=(0.1, 10.0, 100.0)
+    )
     result = analyse(trial, add_course(METHODS, {"cycle_onsets": "phase"}))
     (text,) = describe_variations(result).values()
     assert text.startswith("No change of K, B or G with the phase of the cycle is shown")
@@ -117,12 +130,19 @@ def test_files_are_analysed_over_their_scheduling_variable(tmp_path):
     ).model_dump()
     result = analyse(load_recording(tmp_path / "a.nc", mapping), add_course(METHODS, mapping))
     assert list(result.estimates["changing"].trajectories.sizes) == ["schedule"]
-    assert describe_variations(result)["changing"].startswith("K, B or G change with the scheduling variable")
+    assert describe_variations(result)["changing"].startswith(
+        "K, B or G change with the scheduling variable"
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("phase", "phase"), ("0.1 1.5 2.9", (0.1, 1.5, 2.9)), ("0.1;1.5", (0.1, 1.5)), ([0.1, 1.5], (0.1, 1.5))],
+    [
+        ("phase", "phase"),
+        ("0.1 1.5 2.9", (0.1, 1.5, 2.9)),
+        ("0.1;1.5", (0.1, 1.5)),
+        ([0.1, 1.5], (0.1, 1.5)),
+    ],
 )
 def test_onsets_are_times_or_the_name_of_a_variable(text, value):
     assert Recording(file="a.nc", cycle_onsets=text).cycle_onsets == value
@@ -130,7 +150,10 @@ def test_onsets_are_times_or_the_name_of_a_variable(text, value):
 
 def test_tables_of_recordings_have_onsets_and_schedules(tmp_path):
     path = tmp_path / "table.csv"
-    path.write_text("file,name,cycle_onsets,schedule\na.nc,a,0.5 1.9 3.3,\nb.nc,b,,ankle_angle\n", encoding="utf-8")
+    path.write_text(
+        "file,name,cycle_onsets,schedule\na.nc,a,0.5 1.9 3.3,\nb.nc,b,,ankle_angle\n",
+        encoding="utf-8",
+    )
     recordings = read_recordings(path, {})
     assert recordings["a"][0].cycle_onsets == (0.5, 1.9, 3.3)
     assert recordings["b"][0].schedule == "ankle_angle"
@@ -144,12 +167,28 @@ def test_tables_of_recordings_have_onsets_and_schedules(tmp_path):
     [
         ({}, None, ""),
         ({"cycle_onsets": "phase"}, "ok", "12 whole cycles of 1.4 s can be identified."),
-        ({"cycle_onsets": (5.0, 3.0, 2.0)}, "warning", r"onset 2 of 3 \(3 s\) is not after the one before"),
+        (
+            {"cycle_onsets": (5.0, 3.0, 2.0)},
+            "warning",
+            r"onset 2 of 3 \(3 s\) is not after the one before",
+        ),
         ({"cycle_onsets": (5.0, 6.4, 7.8)}, "warning", "too few whole cycles"),
-        ({"cycle_onsets": "gait"}, "warning", "no variable 'gait' for cycle_onsets; .* variables of read_trial"),
+        (
+            {"cycle_onsets": "gait"},
+            "warning",
+            "no variable 'gait' for cycle_onsets; .* variables of read_trial",
+        ),
         ({"schedule": "emg"}, "warning", "no variable 'emg' for schedule"),
-        ({"schedule": "phase"}, "ok", r"phase goes from 0\.0\d+ to 0\.9\d+ \(2nd to 98th percentile\)"),
-        ({"schedule": "position"}, "warning", "position follows the perturbation: 100 % of its fast changes"),
+        (
+            {"schedule": "phase"},
+            "ok",
+            r"phase goes from 0\.0\d+ to 0\.9\d+ \(2nd to 98th percentile\)",
+        ),
+        (
+            {"schedule": "position"},
+            "warning",
+            "position follows the perturbation: 100 % of its fast changes",
+        ),
     ],
 )
 def test_cycles_are_checked_before_anything_is_fitted(course, verdict, text):
@@ -159,7 +198,9 @@ def test_cycles_are_checked_before_anything_is_fitted(course, verdict, text):
 
 
 def test_a_movement_that_does_not_follow_its_schedule_is_seen_before_anything_is_fitted():
-    trial = simulate(seed=1, duration=42.0, variation="schedule", stiffness_variation=0.4, movement=0.2)
+    trial = simulate(
+        seed=1, duration=42.0, variation="schedule", stiffness_variation=0.4, movement=0.2
+    )
     assert check_course(trial, {"schedule": "schedule"})[0].verdict == "ok"
     trial["schedule"] = ("time", np.roll(trial["schedule"].to_numpy(), 500))
     (finding,) = check_course(trial, {"schedule": "schedule"})
@@ -176,7 +217,9 @@ def test_a_constant_joint_behind_a_faulty_instrument_is_not_called_changing(faul
     elif fault == "friction":
         trial["torque"] = trial["torque"] + 2.0 * np.tanh(velocity / 0.02)
     else:
-        trial["position"] = trial["position"] + 1e-3 * np.random.default_rng(3).standard_normal(velocity.size)
+        trial["position"] = trial["position"] + 1e-3 * np.random.default_rng(3).standard_normal(
+            velocity.size
+        )
     result = analyse(trial, add_course(METHODS, {"cycle_onsets": "phase"}))
     for text in describe_variations(result).values():
         assert text.startswith("No change of") or "So the test decides nothing here." in text

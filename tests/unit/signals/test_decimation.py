@@ -21,7 +21,9 @@ DECIMATED_TIME = TIME[FIRST : FIRST + FACTOR * COUNT : FACTOR]
 @pytest.mark.parametrize("frequency", [0.5, 3.0, 12.3, 25.0, 37.0])
 def test_sinusoids_in_the_band_and_their_derivatives_are_exact(frequency, derivative):
     w = 2 * np.pi * frequency
-    output = decimate(np.sin(w * TIME + 0.3), FACTOR, FIRST, COUNT, rate=RATE, derivative=derivative)
+    output = decimate(
+        np.sin(w * TIME + 0.3), FACTOR, FIRST, COUNT, rate=RATE, derivative=derivative
+    )
     expected = w**derivative * np.sin(w * DECIMATED_TIME + 0.3 + derivative * np.pi / 2)
     np.testing.assert_allclose(output, expected, rtol=0, atol=1e-4 * w**derivative)
 
@@ -38,11 +40,15 @@ def test_sinusoids_that_would_alias_are_removed(frequency, derivative):
 def test_decimated_derivatives_are_the_derivatives_of_the_decimated_signal(rate):
     """In the band, over whole periods, the derivative of the decimated samples is known from their spectrum."""
     rng = np.random.default_rng(2)
-    harmonics = np.arange(1, 38) * rate / 1000.0  # to 0.37 of the identification rate, ten times slower than `rate`
+    harmonics = (
+        np.arange(1, 38) * rate / 1000.0
+    )  # to 0.37 of the identification rate, ten times slower than `rate`
     phases, levels = rng.uniform(0, 2 * np.pi, (2, harmonics.size))
     time = np.arange(4000) / rate
     x = np.sin(2 * np.pi * np.outer(time, harmonics) + phases) @ levels
-    signal, velocity, acceleration = (decimate(x, 10, 1000, 200, rate=rate, derivative=d) for d in range(3))
+    signal, velocity, acceleration = (
+        decimate(x, 10, 1000, 200, rate=rate, derivative=d) for d in range(3)
+    )
     s = 2j * np.pi * np.fft.rfftfreq(200, 10 / rate)
     for output, d in ((velocity, 1), (acceleration, 2)):
         expected = np.fft.irfft(s**d * np.fft.rfft(signal), 200)
@@ -51,8 +57,12 @@ def test_decimated_derivatives_are_the_derivatives_of_the_decimated_signal(rate)
 
 def test_constants_and_ramps():
     np.testing.assert_allclose(decimate(np.full(5000, 3.0), FACTOR, FIRST, COUNT), 3.0, rtol=1e-12)
-    np.testing.assert_allclose(decimate(2 * TIME, FACTOR, FIRST, COUNT), 2 * DECIMATED_TIME, atol=1e-10)
-    np.testing.assert_allclose(decimate(2 * TIME, FACTOR, FIRST, COUNT, rate=RATE, derivative=1), 2.0, rtol=1e-5)
+    np.testing.assert_allclose(
+        decimate(2 * TIME, FACTOR, FIRST, COUNT), 2 * DECIMATED_TIME, atol=1e-10
+    )
+    np.testing.assert_allclose(
+        decimate(2 * TIME, FACTOR, FIRST, COUNT, rate=RATE, derivative=1), 2.0, rtol=1e-5
+    )
 
 
 def test_zero_phase():
@@ -84,7 +94,9 @@ def test_factor(rate, identification_rate, factor):
 @example(100.0, 1000.0)
 def test_the_suggested_rate_divides_the_sampling_rate(rate, identification_rate):
     try:
-        assert decimation_factor(rate, identification_rate) * identification_rate == pytest.approx(rate)
+        assert decimation_factor(rate, identification_rate) * identification_rate == pytest.approx(
+            rate
+        )
     except DataError as error:
         message = str(error)
         assert f"({rate:g} Hz)" in message

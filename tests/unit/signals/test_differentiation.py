@@ -23,7 +23,9 @@ def test_velocity_inside_its_margin_does_not_depend_on_the_edges():
     wider = np.concatenate([np.full(300, 9.0), x, np.full(300, -9.0)])
     interior = slice(before, 1000 - after)
     np.testing.assert_allclose(
-        differentiate(x, RATE, 0.04)[interior], differentiate(wider, RATE, 0.04)[300:1300][interior], atol=1e-9
+        differentiate(x, RATE, 0.04)[interior],
+        differentiate(wider, RATE, 0.04)[300:1300][interior],
+        atol=1e-9,
     )
     with pytest.raises(DataError, match="too short to differentiate"):
         differentiate(x[:100], RATE, 0.04)

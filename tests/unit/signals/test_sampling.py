@@ -16,7 +16,9 @@ def outcome(compute):
         return str(error)
 
 
-_fault = st.tuples(st.integers(0, 39), st.sampled_from([np.nan, np.inf, -np.inf, 0.004, -0.004, 0.5, 1e307, 2e-5]))
+_fault = st.tuples(
+    st.integers(0, 39), st.sampled_from([np.nan, np.inf, -np.inf, 0.004, -0.004, 0.5, 1e307, 2e-5])
+)
 
 
 @settings(max_examples=100, deadline=None)

@@ -23,7 +23,11 @@ def test_one_step_against_an_adaptive_solver():
     F, before, after = step_matrices(A, B, 0.02)
     start, u0, u1 = np.array([0.3, -2.0]), 0.7, -0.4
     exact = solve_ivp(
-        lambda t, x: A @ x + B[:, 0] * (u0 + (u1 - u0) * t / 0.02), (0, 0.02), start, rtol=1e-10, atol=1e-12
+        lambda t, x: A @ x + B[:, 0] * (u0 + (u1 - u0) * t / 0.02),
+        (0, 0.02),
+        start,
+        rtol=1e-10,
+        atol=1e-12,
     ).y[:, -1]
     np.testing.assert_allclose(F @ start + before[:, 0] * u0 + after[:, 0] * u1, exact, rtol=1e-7)
 
@@ -34,7 +38,8 @@ def test_fast_filters_are_as_accurate_as_slow_ones(cutoff):
     denominator = np.array([1.0, 4.0, 9.0, 10.0, 4.0])
     powers = cutoff ** np.arange(5)
     slow, fast = (
-        step_matrices(*companion(denominator * factor)[:2], 1e-4 * s) for factor, s in ((1.0, cutoff), (powers, 1.0))
+        step_matrices(*companion(denominator * factor)[:2], 1e-4 * s)
+        for factor, s in ((1.0, cutoff), (powers, 1.0))
     )
     units = cutoff ** np.arange(4)
     np.testing.assert_allclose(fast[0] * units / units[:, None], slow[0], rtol=0, atol=1e-6)

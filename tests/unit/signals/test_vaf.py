@@ -22,7 +22,9 @@ def test_offsets_do_not_change_the_vaf(data, measured_offset, estimated_offset):
     estimated = data.draw(hnp.arrays(float, measured.size, elements=numbers))
     expected = vaf(measured, estimated)
     # Rounding of the sums counts against the variance of the measured signal.
-    assert vaf(measured + measured_offset, estimated + estimated_offset) == pytest.approx(expected, rel=1e-6, abs=1e-4)
+    assert vaf(measured + measured_offset, estimated + estimated_offset) == pytest.approx(
+        expected, rel=1e-6, abs=1e-4
+    )
 
 
 @given(signals, st.floats(-1e3, 1e3))
@@ -32,7 +34,9 @@ def test_zero_for_a_constant(signal, constant):
 
 @given(signals, st.floats(0.01, 100), st.floats(0.0, 3.0))
 def test_a_common_scale_does_not_change_the_vaf_and_a_gain_does(signal, scale, gain):
-    assert vaf(scale * signal, scale * gain * signal) == pytest.approx(vaf(signal, gain * signal), abs=1e-6)
+    assert vaf(scale * signal, scale * gain * signal) == pytest.approx(
+        vaf(signal, gain * signal), abs=1e-6
+    )
     assert vaf(signal, gain * signal) == pytest.approx(100 * (1 - (1 - gain) ** 2), abs=1e-6)
 
 

@@ -84,7 +84,9 @@ class AdaptiveSolution:
         filters = state[4 + self.order :].reshape(3, 4)
         state = state[: 4 + self.order].tolist()  # plain numbers are faster one by one
         disturbance = noise[sample] + float(np.interp(t, self.time, voluntary))
-        servo, load, position, intrinsic = self.motion(t, state, float(command[sample]), disturbance)
+        servo, load, position, intrinsic = self.motion(
+            t, state, float(command[sample]), disturbance
+        )
         out[:4] = state[1], servo, state[3], load
         drive = self.gain(t) * max(0.0, self.delayed_velocity(t) - p.reflex_threshold)
         w, z = p.omega_n, p.zeta
@@ -107,7 +109,15 @@ class AdaptiveSolution:
         for first in range(0, samples, step):
             times = np.arange(first, first + step + 1) / RATE
             solution = solve_ivp(
-                self.slope, (times[0], times[-1]), state, "DOP853", times, True, args=(first,), rtol=1e-9, atol=1e-11
+                self.slope,
+                (times[0], times[-1]),
+                state,
+                "DOP853",
+                times,
+                True,
+                args=(first,),
+                rtol=1e-9,
+                atol=1e-11,
             )
             self.segments.append(solution.sol)
             for channel in range(3):
@@ -121,7 +131,16 @@ class AdaptiveSolution:
     ("parameters", "noise"),
     [
         ({"reflex_gain": 25.0, "pole": 50.0, "closed_loop": False, "delay": 0.03125}, 0.0),
-        ({"reflex_gain": 2.0, "zeta": 0.7, "omega_n": 25.0, "load_inertia": 0.1, "load_viscosity": 10.0}, 0.5),
+        (
+            {
+                "reflex_gain": 2.0,
+                "zeta": 0.7,
+                "omega_n": 25.0,
+                "load_inertia": 0.1,
+                "load_viscosity": 10.0,
+            },
+            0.5,
+        ),
         ({"reflex_gain": 20.0, "reflex_threshold": 0.3}, 1.5),
     ],
     ids=["third order, open loop, half a step of delay", "other load and reflex", "threshold"],
@@ -133,8 +152,12 @@ def test_loop_against_an_adaptive_solver(parameters, noise):
     for integration_rate, tolerance in ((1e4, 5e-5), (4e4, 3e-6)):
         settings = SimulationSettings(integration_rate=integration_rate, **parameters)
         record = run(settings, *external)
-        error = np.max(np.abs(append_net(record) - expected), axis=1) / np.max(np.abs(expected), axis=1)
-        assert np.all(error < tolerance), dict(zip(("position", "intrinsic", "reflex", "net"), error, strict=True))
+        error = np.max(np.abs(append_net(record) - expected), axis=1) / np.max(
+            np.abs(expected), axis=1
+        )
+        assert np.all(error < tolerance), dict(
+            zip(("position", "intrinsic", "reflex", "net"), error, strict=True)
+        )
 
 
 def append_net(record):
@@ -155,7 +178,9 @@ def test_a_whole_trial_against_an_adaptive_solver():
     settings = SimulationSettings(duration=1.0, settling=0.0, voluntary=0.0)
     trial = simulate(seed=11, **dict(settings))
     command = np.repeat(0.02 * np.sign(trial["reference"].values[50::100]), 100)
-    levels = trial["torque_noise"].values[10::10]  # at the end of each hold: the recorder has settled to 1e-5
+    levels = trial["torque_noise"].values[
+        10::10
+    ]  # at the end of each hold: the recorder has settled to 1e-5
     noise = np.repeat(np.append(levels, 0.0), 10)  # the last hold has no end
     expected = AdaptiveSolution(settings, command, noise, np.zeros(noise.size)).run()[:, :-10]
     expected = np.vstack([expected, expected[1] + expected[2] + trial["torque_noise"].values[:-10]])

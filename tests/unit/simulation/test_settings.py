@@ -20,9 +20,12 @@ from ankleloop.simulation.settings import SimulationSettings
 )
 def test_a_simulation_beyond_the_memory_is_refused_before_it_begins(monkeypatch, settings, size):
     monkeypatch.setattr(arguments, "_find_memory", lambda: 10**9)
-    monkeypatch.setattr(sys.modules["ankleloop.simulation.simulate"], "run_loop", None)  # nothing is computed
+    monkeypatch.setattr(
+        sys.modules["ankleloop.simulation.simulate"], "run_loop", None
+    )  # nothing is computed
     with pytest.raises(
-        ValueError, match=rf"^simulate: this would need {size} of memory, and the machine has 1 GB: take a"
+        ValueError,
+        match=rf"^simulate: this would need {size} of memory, and the machine has 1 GB: take a",
     ):
         simulate(seed=1, **settings)
 
@@ -38,8 +41,14 @@ def test_defaults_of_the_paper():
 
 
 def test_the_parameters_of_the_load_may_come_together():
-    settings = SimulationSettings.parse("simulate", load=np.array([0.1, 10.0, 100.0]), load_stiffness=300.0)
-    assert (settings.load_inertia, settings.load_viscosity, settings.load_stiffness) == (0.1, 10.0, 300.0)
+    settings = SimulationSettings.parse(
+        "simulate", load=np.array([0.1, 10.0, 100.0]), load_stiffness=300.0
+    )
+    assert (settings.load_inertia, settings.load_viscosity, settings.load_stiffness) == (
+        0.1,
+        10.0,
+        300.0,
+    )
 
 
 def test_settings_are_attributes_of_a_trial():

@@ -16,14 +16,18 @@ RATE = 1000.0
 def test_the_same_seed_gives_the_same_bits():
     first, second, other = (simulate(seed=seed, duration=5.0) for seed in (7, 7, 8))
     assert first.identical(second)
-    assert simulate(seed=np.random.SeedSequence(7), duration=5.0)["torque"].identical(first["torque"])
+    assert simulate(seed=np.random.SeedSequence(7), duration=5.0)["torque"].identical(
+        first["torque"]
+    )
     assert not np.array_equal(first["reference"], other["reference"])
     script = (
         "import ankleloop, hashlib;"
         "print(hashlib.sha256(ankleloop.simulate(seed=7, duration=5.0)['torque'].values.tobytes()).hexdigest())"
     )
     digest = hashlib.sha256(first["torque"].values.tobytes()).hexdigest()
-    process = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    process = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
     assert process.stdout.strip() == digest
 
 
@@ -31,7 +35,9 @@ def test_a_seed_sequence_is_not_changed():
     seed = np.random.SeedSequence([1, 2, 3])
     assert simulate(seed=seed, duration=5.0).identical(simulate(seed=seed, duration=5.0))
     assert seed.n_children_spawned == 0
-    np.testing.assert_array_equal(seed.generate_state(4), np.random.SeedSequence([1, 2, 3]).generate_state(4))
+    np.testing.assert_array_equal(
+        seed.generate_state(4), np.random.SeedSequence([1, 2, 3]).generate_state(4)
+    )
     children = [simulate(seed=child, duration=5.0)["torque"].values for child in seed.spawn(2)]
     assert not np.array_equal(*children)
 
@@ -42,7 +48,9 @@ def test_signals_have_separate_streams():
     louder = simulate(seed=3, duration=5.0, snr_db=10.0, voluntary=0.6)
     np.testing.assert_array_equal(clean["reference"], noisy["reference"])
     np.testing.assert_array_equal(noisy["torque_noise"], louder["torque_noise"])
-    np.testing.assert_allclose(louder["torque_voluntary"], 2 * noisy["torque_voluntary"], rtol=1e-12)
+    np.testing.assert_allclose(
+        louder["torque_voluntary"], 2 * noisy["torque_voluntary"], rtol=1e-12
+    )
     streams = [noisy[name].values for name in ("reference", "torque_voluntary", "torque_noise")]
     assert np.max(np.abs(np.corrcoef(streams) - np.eye(3))) < 0.25
     other_joint = simulate(seed=3, duration=7.0, reflex_gain=2.0, load=(1.0, 20.0, 300.0))
@@ -54,7 +62,9 @@ def test_noise_and_voluntary_torque_have_their_levels():
     for seed in range(10):
         clean = simulate(seed=seed, snr_db=None, voluntary=0.0)["torque"].values
         trial = simulate(seed=seed, snr_db=10.0, voluntary=0.4)
-        levels.append([trial[f"torque_{part}"].values.var() / clean.var() for part in ("noise", "voluntary")])
+        levels.append(
+            [trial[f"torque_{part}"].values.var() / clean.var() for part in ("noise", "voluntary")]
+        )
     noise, voluntary = np.mean(levels, axis=0)
     assert noise == pytest.approx(0.1, rel=0.02)
     assert voluntary == pytest.approx(0.16, rel=0.15)
@@ -87,7 +97,13 @@ def test_settling_is_simulated_and_dropped():
 def test_an_unstable_loop_is_an_error_that_names_its_parameters():
     with pytest.raises(UnstableLoopError) as error:
         simulate(seed=1, load=(0.1, 5.0, 100.0), reflex_gain=30.0)
-    for name in ("load_inertia=0.1", "load_viscosity=5", "load_stiffness=100", "reflex_gain=30", "delay=0.04"):
+    for name in (
+        "load_inertia=0.1",
+        "load_viscosity=5",
+        "load_stiffness=100",
+        "reflex_gain=30",
+        "delay=0.04",
+    ):
         assert name in str(error.value)
 
 
@@ -96,6 +112,8 @@ def test_without_an_antialiasing_filter_signals_are_sampled_as_they_are():
     assert set(np.unique(trial["reference"].values)) == {-0.02, 0.02}
     noise = trial["torque_noise"].values.reshape(-1, 10)
     np.testing.assert_array_equal(noise, noise[:, :1] * np.ones(10))  # held between its draws
-    parts = sum(trial[f"torque_{part}"].values for part in ("intrinsic", "reflex", "voluntary", "noise"))
+    parts = sum(
+        trial[f"torque_{part}"].values for part in ("intrinsic", "reflex", "voluntary", "noise")
+    )
     np.testing.assert_allclose(trial["torque"].values, parts, rtol=0, atol=1e-12)
     assert "antialias_cutoff" not in trial.attrs

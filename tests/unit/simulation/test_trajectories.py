@@ -32,7 +32,10 @@ class ChangingJoint(AdaptiveSolution):
 
     def at(self, t):
         if self.latest[0] != t:
-            self.latest = t, [float(values[0]) for values in trajectories(self.course, np.array([t]))]
+            self.latest = (
+                t,
+                [float(values[0]) for values in trajectories(self.course, np.array([t]))],
+            )
         return self.latest[1]
 
     def stiffness(self, t):
@@ -49,7 +52,15 @@ class ChangingJoint(AdaptiveSolution):
     ("parameters", "noise"),
     [
         ({"variation": "cycle", "cycle_duration": 0.4, "gain_peak": 0.8, **LIGHT}, 0.5),
-        ({"variation": "time", "variation_shape": "square", "closed_loop": False, "gain_peak": 0.3}, 0.0),
+        (
+            {
+                "variation": "time",
+                "variation_shape": "square",
+                "closed_loop": False,
+                "gain_peak": 0.3,
+            },
+            0.0,
+        ),
     ],
     ids=["cycle, light load", "square wave over time, open loop"],
 )
@@ -60,11 +71,18 @@ def test_a_changing_joint_against_an_adaptive_solver(parameters, noise):
     expected = append_net(ChangingJoint(course.settings, course, *external).run())
     for integration_rate, factor, tolerance in ((1e4, 1, 5e-5), (4e4, 4, 5e-6)):
         settings = SimulationSettings(
-            integration_rate=integration_rate, recording_rate=factor * RATE, **VARIATION, **parameters
+            integration_rate=integration_rate,
+            recording_rate=factor * RATE,
+            **VARIATION,
+            **parameters,
         )
         record = run(settings, *refine(factor, *external), course=course)
-        error = np.max(np.abs(append_net(record[:, ::factor]) - expected), axis=1) / np.max(np.abs(expected), axis=1)
-        assert np.all(error < tolerance), dict(zip(("position", "intrinsic", "reflex", "net"), error, strict=True))
+        error = np.max(np.abs(append_net(record[:, ::factor]) - expected), axis=1) / np.max(
+            np.abs(expected), axis=1
+        )
+        assert np.all(error < tolerance), dict(
+            zip(("position", "intrinsic", "reflex", "net"), error, strict=True)
+        )
 
 
 def refine(factor, command, noise, voluntary):
@@ -76,16 +94,28 @@ def refine(factor, command, noise, voluntary):
 
 def test_the_true_trajectories_are_those_of_the_torque():
     """Where K and B are largest and smallest, they are those of the intrinsic torque over all cycles."""
-    settings = {"stiffness_variation": 0.4, "viscosity_variation": 0.3, "viscosity_peak": 0.5, "reflex_gain": 0.0}
-    trial = prepare(simulate(seed=3, duration=40.0, variation="cycle", cycle_duration=2.0, **settings, **QUIET))
+    settings = {
+        "stiffness_variation": 0.4,
+        "viscosity_variation": 0.3,
+        "viscosity_peak": 0.5,
+        "reflex_gain": 0.0,
+    }
+    trial = prepare(
+        simulate(seed=3, duration=40.0, variation="cycle", cycle_duration=2.0, **settings, **QUIET)
+    )
     grid = trial.grid(100.0, 0.04)
     motion = np.array(trial.motion(grid))
-    torque, phase = trial.channel("torque_intrinsic", grid), trial.samples["phase"][grid.first :: grid.factor]
+    torque, phase = (
+        trial.channel("torque_intrinsic", grid),
+        trial.samples["phase"][grid.first :: grid.factor],
+    )
     phase = phase[: grid.samples]
     for place, sign in ((0.5, 1.0), (0.0, -1.0)):
         rows = np.abs(trial.channel("stiffness_true", grid) - 150.0 * (1 + 0.4 * sign)) < 0.05
         assert np.all(np.abs((phase[rows] - place + 0.5) % 1.0 - 0.5) < 0.02)
-        stiffness, viscosity, inertia = np.linalg.lstsq(motion[:, rows].T, torque[rows], rcond=None)[0]
+        stiffness, viscosity, inertia = np.linalg.lstsq(
+            motion[:, rows].T, torque[rows], rcond=None
+        )[0]
         assert stiffness == pytest.approx(150.0 * (1 + 0.4 * sign), rel=0.005)
         assert viscosity == pytest.approx(0.8 * (1 + 0.3 * sign), rel=0.05)
         assert inertia == pytest.approx(0.015, rel=0.02)
@@ -104,7 +134,11 @@ def test_durations_of_cycles():
 
 
 def test_tables_are_joined_by_straight_lines():
-    table = {"stiffness_table": [100.0, 200.0, 150.0, 150.0], "gain_table": (5.0, 10.0), "cycle_duration": 1.0}
+    table = {
+        "stiffness_table": [100.0, 200.0, 150.0, 150.0],
+        "gain_table": (5.0, 10.0),
+        "cycle_duration": 1.0,
+    }
     cycle = simulate(seed=1, duration=3.0, variation="cycle", **table)
     values = cycle["stiffness_true"].values[[0, 125, 250, 375, 500, 875]]
     np.testing.assert_allclose(values, [100.0, 150.0, 200.0, 175.0, 150.0, 125.0])
@@ -132,7 +166,14 @@ def test_movement_and_locked_torque_repeat_with_the_cycle(tmp_path):
 
 
 def test_the_scheduling_variable_moves_the_joint():
-    trial = simulate(seed=2, duration=30.0, variation="schedule", movement=0.4, stiffness_variation=0.3, amplitude=1e-6)
+    trial = simulate(
+        seed=2,
+        duration=30.0,
+        variation="schedule",
+        movement=0.4,
+        stiffness_variation=0.3,
+        amplitude=1e-6,
+    )
     schedule = trial["schedule"].values
     assert schedule.min() >= 0.0
     assert schedule.max() <= 1.0
@@ -149,7 +190,10 @@ def test_the_scheduling_variable_moves_the_joint():
             "stiffness_table and stiffness_variation need `variation`: cycle, time or schedule",
         ),
         ({"gain_table": [1.0, 2.0]}, "gain_table and gain_variation need `variation`"),
-        ({"variation": "cycle", "gain_table": [1.0, -2.0]}, "gain_table must hold values of at least 0, got -2"),
+        (
+            {"variation": "cycle", "gain_table": [1.0, -2.0]},
+            "gain_table must hold values of at least 0, got -2",
+        ),
         (
             {"variation": "cycle", "viscosity_table": [1.0]},
             r"viscosity_table must be 2 numbers .*, got \[1.0\]",
@@ -158,7 +202,10 @@ def test_the_scheduling_variable_moves_the_joint():
             {"variation": "cycle", "viscosity_table": "1; 2"},
             "viscosity_table must be 2 numbers .*, got '1; 2'",
         ),
-        ({"variation": "cycle", "viscosity_table": [1.0, float("nan")]}, "viscosity_table must be a finite number"),
+        (
+            {"variation": "cycle", "viscosity_table": [1.0, float("nan")]},
+            "viscosity_table must be a finite number",
+        ),
     ],
 )
 def test_settings_that_contradict_each_other(settings, message):

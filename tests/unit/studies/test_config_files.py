@@ -31,14 +31,18 @@ def test_numbers_that_yaml_reads_otherwise_are_refused(check_text, written):
 @pytest.mark.parametrize("written", ["7", "1.0", "13:30", "no", "2020-01-01", "null"])
 def test_keys_that_yaml_does_not_read_as_text_are_refused(check_text, written):
     assert list(yaml.safe_load(f"{written}: x")) != [written]
-    with pytest.raises(ConfigError, match=r"config.yaml, line 2: YAML reads the key .* as .*: put it in quotes"):
+    with pytest.raises(
+        ConfigError, match=r"config.yaml, line 2: YAML reads the key .* as .*: put it in quotes"
+    ):
         check_text(f"files:\n  {written}: x\n")
     check_text(f"files:\n  '{written}': x\n")
 
 
 def test_the_place_of_a_key_is_that_of_the_last_file_with_it(tmp_path):
     first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
-    first.write_text("base: &base\n  trials: 3\nstudies:\n  s:\n    <<: *base\n    seed: 1\n", encoding="utf-8")
+    first.write_text(
+        "base: &base\n  trials: 3\nstudies:\n  s:\n    <<: *base\n    seed: 1\n", encoding="utf-8"
+    )
     second.write_text("studies:\n  s:\n    seed: 2\n", encoding="utf-8")
     assert find_key(["studies", "s", "seed"], [first, second]) == f"{second}, line 3"
     assert find_key(["studies", "s", "trials"], [first, second]) == f"{first}, line 2"

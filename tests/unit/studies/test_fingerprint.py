@@ -77,7 +77,9 @@ def test_scripts_of_the_workflow_reach_what_they_use():
         return {path.relative_to(module.LIBRARY / "ankleloop").as_posix() for path in paths}
 
     by_script = {script: reached(script) for script in SCRIPTS}
-    assert {script for script in SCRIPTS if "methods/parallel_cascade.py" in by_script[script]} >= {"identify"}
+    assert {script for script in SCRIPTS if "methods/parallel_cascade.py" in by_script[script]} >= {
+        "identify"
+    }
     assert "methods/riv/riv.py" in by_script["identify"]  # which the registry imports by its name
     assert "methods/riv/riv.py" not in by_script["simulate"]
     assert "studies/config.py" not in by_script["simulate"] | by_script["identify"]

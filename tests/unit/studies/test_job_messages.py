@@ -28,7 +28,11 @@ def fail(tmp_path, capsys):
         handlers, level = logging.root.handlers[:], logging.root.level
         try:
             place = locate_errors("study s, point p, trial 3")
-            with pytest.raises(SystemExit) as caught, runpy.run_path(str(JOB))["running"](job), place:
+            with (
+                pytest.raises(SystemExit) as caught,
+                runpy.run_path(str(JOB))["running"](job),
+                place,
+            ):
                 raise error
         finally:
             logging.root.handlers[:], logging.root.level = handlers, level

@@ -14,7 +14,10 @@ METHODS = {
 
 def read(methods=("pr-moesp", "parallel-cascade"), **changes):
     study = {"kind": "simulation", "seed": 1, "trials": 2, "simulation": {"duration": 40.0}}
-    study |= {"points": {"reflex_gain": [8.0, 12.0]}, "methods": {name: METHODS[name] for name in methods}}
+    study |= {
+        "points": {"reflex_gain": [8.0, 12.0]},
+        "methods": {name: METHODS[name] for name in methods},
+    }
     return read_run({"studies": {"s": study | changes}}, [])[1]["s"]
 
 
@@ -25,7 +28,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("notebook", "keep", "need"), REFUSED)
-def test_a_notebook_that_needs_what_is_not_kept_is_refused_before_the_first_job(notebook, keep, need):
+def test_a_notebook_that_needs_what_is_not_kept_is_refused_before_the_first_job(
+    notebook, keep, need
+):
     with pytest.raises(ConfigError, match=f"studies → s → notebook: {notebook} needs {need}"):
         read(notebook=notebook, keep=keep)
     read(notebook=notebook, keep="everything")
@@ -33,9 +38,8 @@ def test_a_notebook_that_needs_what_is_not_kept_is_refused_before_the_first_job(
 
 def test_notebooks_that_know_settings_alone_refuse_options_before_the_first_job():
     points = {"reflex_gain": [8.0, 12.0], "block_rows": [12, 15]}
-    match = (
-        "studies → s → notebook: table1 needs points that differ in settings of the simulation alone, got block_rows"
-    )
+    match = "studies → s → notebook: table1 needs points that differ in settings of the simulation alone, "
+    match += "got block_rows"
     with pytest.raises(ConfigError, match=match):
         read(notebook="table1", points=points)
     read(notebook="sweep", points=points)

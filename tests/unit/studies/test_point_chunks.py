@@ -6,9 +6,8 @@ from ankleloop.studies import study as study_module
 from ankleloop.studies.study import read_studies
 
 METHODS = {"pr-moesp": {"method": "pr-moesp"}, "riv": {"method": "riv"}}
-TRIAL = (
-    0.01  # time for the simulation of a trial of 50 s, and for its identification by a method with 15 block rows [s]
-)
+# Time for the simulation of a trial of 50 s, and for its identification by a method with 15 block rows [s].
+TRIAL = 0.01
 
 
 @pytest.fixture(autouse=True)
@@ -19,7 +18,9 @@ def known_costs(monkeypatch):
         rows = sum(method["options"].get("block_rows", 15) for method in methods)
         return TRIAL * samples / 50_000 * rows / 15
 
-    monkeypatch.setattr(study_module, "simulation_seconds", lambda samples: TRIAL * samples / 50_000)
+    monkeypatch.setattr(
+        study_module, "simulation_seconds", lambda samples: TRIAL * samples / 50_000
+    )
     monkeypatch.setattr(study_module, "identification_seconds", identify)
 
 
@@ -37,7 +38,12 @@ def sweep(**settings):
 
 def numbers(chunks):
     """Condition and number of every trial."""
-    return [(part.condition, number) for chunk in chunks for part in chunk for number in range(part.first, part.stop)]
+    return [
+        (part.condition, number)
+        for chunk in chunks
+        for part in chunk
+        for number in range(part.first, part.stop)
+    ]
 
 
 @pytest.mark.parametrize("keep", ["everything", "estimates", "scores"])
@@ -58,7 +64,10 @@ def test_jobs_take_about_as_long_as_they_should(minutes):
 
 
 def test_a_chunk_of_identification_is_part_of_one_trial_file():
-    study = sweep(job_minutes=0.2, methods=METHODS | {"wide": {"method": "pr-moesp", "options": {"block_rows": 60}}})
+    study = sweep(
+        job_minutes=0.2,
+        methods=METHODS | {"wide": {"method": "pr-moesp", "options": {"block_rows": 60}}},
+    )
     assert len(study.chunks) > len(study.trial_chunks) > 1
     for number, chunk in enumerate(study.chunks):
         stored = set(numbers([study.trial_chunks[study.trial_chunk_numbers[number]]]))
@@ -73,13 +82,19 @@ def test_another_method_or_option_simulates_nothing_again():
     ):
         files = range(len(study.trial_chunks))
         assert len(other.trial_chunks) == len(study.trial_chunks)
-        assert all(other.simulation(other.trial_chunks[k]) == study.simulation(study.trial_chunks[k]) for k in files)
+        assert all(
+            other.simulation(other.trial_chunks[k]) == study.simulation(study.trial_chunks[k])
+            for k in files
+        )
     assert len(other.chunks) > len(study.chunks)
 
 
 def jobs(study):
     """What the jobs of each chunk depend on."""
-    return [(study.simulation(parts)["conditions"], study.hashes[chunk]) for chunk, parts in enumerate(study.chunks)]
+    return [
+        (study.simulation(parts)["conditions"], study.hashes[chunk])
+        for chunk, parts in enumerate(study.chunks)
+    ]
 
 
 @pytest.mark.parametrize("keep", ["everything", "scores"])

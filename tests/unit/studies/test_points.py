@@ -34,7 +34,9 @@ def test_options_vary_beside_settings_and_share_trials():
     assert [point.name for point in points] == [
         f"block_rows={rows},reflex_gain={gain}" for gain in (8.0, 12.0) for rows in (12, 18)
     ]
-    assert [point.condition for point in points] == ["reflex_gain=8.0"] * 2 + ["reflex_gain=12.0"] * 2
+    assert [point.condition for point in points] == ["reflex_gain=8.0"] * 2 + [
+        "reflex_gain=12.0"
+    ] * 2
     assert points[1].options == {"pr": {"block_rows": 18}}
     assert points[1].values == {"reflex_gain": 8.0, "block_rows": 18}
 
@@ -70,7 +72,10 @@ def test_points_that_leave_a_parameter_out_have_the_shared_value():
         ({"start": -0.1, "stop": 0.1, "step": 0.1}, [-0.1, 0.0, 0.1]),
         ({"start": 10, "stop": 29, "step": 5}, [10.0, 15.0, 20.0, 25.0]),
         ({"start": 1, "stop": 2, "count": 5}, [1.0, 1.25, 1.5, 1.75, 2.0]),
-        ({"start": 0.01, "stop": 100, "count": 5, "scale": "logarithmic"}, [0.01, 0.1, 1.0, 10.0, 100.0]),
+        (
+            {"start": 0.01, "stop": 100, "count": 5, "scale": "logarithmic"},
+            [0.01, 0.1, 1.0, 10.0, 100.0],
+        ),
     ],
 )
 def test_ranges(values, expected):
@@ -105,8 +110,20 @@ def test_a_table_has_a_row_for_each_point(tmp_path):
     (tmp_path / "sweep.csv").write_text(rows)
     points = read({"table": str(tmp_path / "sweep.csv")})
     expected = [
-        {"reflex_gain": 8.0, "snr_db": 10.0, "closed_loop": True, "pr.basis": "rectifier", "block_rows": 12},
-        {"reflex_gain": 12.5, "snr_db": None, "closed_loop": False, "pr.basis": None, "block_rows": 18},
+        {
+            "reflex_gain": 8.0,
+            "snr_db": 10.0,
+            "closed_loop": True,
+            "pr.basis": "rectifier",
+            "block_rows": 12,
+        },
+        {
+            "reflex_gain": 12.5,
+            "snr_db": None,
+            "closed_loop": False,
+            "pr.basis": None,
+            "block_rows": 18,
+        },
     ]
     assert [point.values for point in points] == expected
 
@@ -114,8 +131,14 @@ def test_a_table_has_a_row_for_each_point(tmp_path):
 def test_the_message_about_a_table_names_row_and_column(tmp_path):
     path = tmp_path / "sweep.csv"
     for text, message in (
-        ("reflex_gain,voluntary\n8,0\n9,-1\n", r"sweep\.csv, line 3 → .* → voluntary: .*between 0.*got -1"),
-        ("reflex_gain,block_rows\n8,12\n9,12.5\n", r"sweep\.csv, line 3 → .* → pr → block_rows: .*whole number"),
+        (
+            "reflex_gain,voluntary\n8,0\n9,-1\n",
+            r"sweep\.csv, line 3 → .* → voluntary: .*between 0.*got -1",
+        ),
+        (
+            "reflex_gain,block_rows\n8,12\n9,12.5\n",
+            r"sweep\.csv, line 3 → .* → pr → block_rows: .*whole number",
+        ),
     ):
         path.write_text(text)
         with pytest.raises(ConfigError, match=message):
@@ -125,13 +148,28 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ({"pr.order": [2], "order": [3]}, r"pr\.order and order are the same option of the method pr"),
+        (
+            {"pr.order": [2], "order": [3]},
+            r"pr\.order and order are the same option of the method pr",
+        ),
         ({"prr.order": [2]}, r"'prr\.order' is not a setting .*\(did you mean 'pr\.order'\?\)"),
-        ({"reflex_gain": {"start": 2, "stop": 1, "count": 3}}, r"stop must be at least start \(2\), got 1"),
+        (
+            {"reflex_gain": {"start": 2, "stop": 1, "count": 3}},
+            r"stop must be at least start \(2\), got 1",
+        ),
         ({"reflex_gain": {"start": 0, "stop": 1, "step": 1e-7}}, "more than 100,000 values"),
-        ({"perturbation": {"start": 0, "stop": 1, "count": 3}}, "perturbation: must be a list of values"),
-        ([{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}], "block_rows=15,reflex_gain=8.0 is listed twice"),
-        ({"stiffness_table": [[0.8, 1.2]]}, "stiffness_table must be a single value or a text with commas"),
+        (
+            {"perturbation": {"start": 0, "stop": 1, "count": 3}},
+            "perturbation: must be a list of values",
+        ),
+        (
+            [{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}],
+            "block_rows=15,reflex_gain=8.0 is listed twice",
+        ),
+        (
+            {"stiffness_table": [[0.8, 1.2]]},
+            "stiffness_table must be a single value or a text with commas",
+        ),
     ],
 )
 def test_refusals(points, message):
@@ -140,7 +178,9 @@ def test_refusals(points, message):
 
 
 def test_estimates_of_different_rates_are_not_kept(change):
-    config = change("studies", "table1", "points", value={"pr-moesp.identification_rate": [100, 50]})
+    config = change(
+        "studies", "table1", "points", value={"pr-moesp.identification_rate": [100, 50]}
+    )
     study = read_studies(config | {"run": ["table1"]})[1]["table1"]
     with pytest.raises(ConfigError, match=r"pr-moesp\.identification_rate: .*set keep: scores"):
         check_uses(study)

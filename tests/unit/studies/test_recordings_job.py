@@ -39,7 +39,11 @@ def run_job(folder, tmp_path, monkeypatch):
             "kind": "recordings",
             "folder": str(folder),
             "files": {
-                name: {"file": name if "." in name else f"{name}.nc", "subject": "007", "reference": "reference"}
+                name: {
+                    "file": name if "." in name else f"{name}.nc",
+                    "subject": "007",
+                    "reference": "reference",
+                }
                 for name in names or NAMES
             },
             "methods": {"riv": {"method": "riv"}},
@@ -52,7 +56,9 @@ def run_job(folder, tmp_path, monkeypatch):
                 figure=study.settings.figure.model_dump(),
                 settings=study.hashes[0],
             ),
-            output=SimpleNamespace(folder=str(tmp_path / "pages"), table=str(tmp_path / "table.parquet")),
+            output=SimpleNamespace(
+                folder=str(tmp_path / "pages"), table=str(tmp_path / "table.parquet")
+            ),
             log=str(tmp_path / "job.log"),
             rule="recordings",
             wildcards={"study": "laboratory", "chunk": "0"},
@@ -86,7 +92,9 @@ def fail_on_bad(function, error):
 @pytest.mark.parametrize("name", ["analyse", "draw_figures"])
 def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, name):
     error = np.linalg.LinAlgError("SVD did not converge")
-    monkeypatch.setattr(job_of_recordings, name, fail_on_bad(getattr(job_of_recordings, name), error))
+    monkeypatch.setattr(
+        job_of_recordings, name, fail_on_bad(getattr(job_of_recordings, name), error)
+    )
     table, folder = run_job()
     by_name = table.groupby("recording")["verdict"].first()
     assert by_name["bad"] == "refused" != by_name["good"]
@@ -110,7 +118,9 @@ def no_pages(monkeypatch):
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes cannot be forked safely")
 def test_a_killed_process_stops_the_job(run_job, monkeypatch):
     """As where memory was short: that is no result, and says nothing of the recording."""
-    monkeypatch.setattr(job_of_recordings, "analyse", fail_on_bad(job_of_recordings.analyse, signal.SIGKILL))
+    monkeypatch.setattr(
+        job_of_recordings, "analyse", fail_on_bad(job_of_recordings.analyse, signal.SIGKILL)
+    )
     message = r"recording bad, .*bad\.nc: the process of the analysis was killed"
     with pytest.raises(SystemExit, match=message):
         run_job("good", "bad", "after")
@@ -120,8 +130,7 @@ def test_a_killed_process_stops_the_job(run_job, monkeypatch):
 def test_mistakes_in_the_program_stop_the_job(run_job, monkeypatch):
     change = fail_on_bad(job_of_recordings.analyse, TypeError("no such option"))
     monkeypatch.setattr(job_of_recordings, "analyse", change)
-    message = (
-        r"rule recordings, study laboratory, chunk 0; recording bad, .*bad\.nc: TypeError: no such option \(The log"
-    )
+    message = r"rule recordings, study laboratory, chunk 0; recording bad, .*bad\.nc: TypeError: no such option"
+    message += r" \(The log"
     with pytest.raises(SystemExit, match=message):
         run_job()

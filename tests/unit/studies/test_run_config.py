@@ -43,13 +43,18 @@ def test_one_file_of_many_may_be_missing(recorded, tmp_path):
     (folder / "a b.csv").touch()
     study = recorded(str(folder), A="a b.csv", B="missing.csv", C="x" * 300, D="nul\0byte")
     assert study.existing_paths(0) == [str(folder / "a b.csv")]
-    with pytest.raises(ConfigError, match=r"config.yaml, line 6: .*folder: none of its 1 files exists; .*missing.csv"):
+    with pytest.raises(
+        ConfigError,
+        match=r"config.yaml, line 6: .*folder: none of its 1 files exists; .*missing.csv",
+    ):
         recorded(str(folder), B="missing.csv")
 
 
 def test_a_run_without_the_article_says_so(config):
     whole = read_studies(config)[0]
     assert (describe_article(whole), whole.article_names) == ("", config["article"])
-    part = read_studies({**config, "run": [name for name in config["article"] if name != "load"]})[0]
+    part = read_studies({**config, "run": [name for name in config["article"] if name != "load"]})[
+        0
+    ]
     assert describe_article(part).endswith("because run leaves out studies of article: load.")
     assert part.article_names == []

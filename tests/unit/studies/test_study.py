@@ -5,7 +5,11 @@ from pathlib import Path
 import pytest
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.resources import identification_seconds, requested_minutes, simulation_seconds
+from ankleloop.studies.resources import (
+    identification_seconds,
+    requested_minutes,
+    simulation_seconds,
+)
 from ankleloop.studies.study import read_studies
 
 
@@ -14,7 +18,12 @@ def table1(change):
     """The study `table1` with some of its keys changed."""
 
     def read(**settings):
-        config = change("studies", "table1", "points", value=settings.pop("points", {"reflex_gain": [13.0, 2.0]}))
+        config = change(
+            "studies",
+            "table1",
+            "points",
+            value=settings.pop("points", {"reflex_gain": [13.0, 2.0]}),
+        )
         config["studies"]["table1"] |= settings
         config["run"] = ["table1"]
         return read_studies(config)[1]["table1"]
@@ -24,16 +33,22 @@ def table1(change):
 
 def test_trials_with_other_variables_are_in_another_file(table1):
     """A phase, a scheduling variable, or neither: the trials of a file have the same variables."""
-    points = [{"variation": kind} for kind in (None, "cycle", "time", "schedule")] + [{"movement": 0.1}]
+    points = [{"variation": kind} for kind in (None, "cycle", "time", "schedule")] + [
+        {"movement": 0.1}
+    ]
     study = table1(points=points, job_minutes=1000.0)
     conditions = [[part.condition for part in chunk] for chunk in study.trial_chunks]
     assert conditions == [[point.condition] for point in study.point_list]
-    alike = table1(points={"variation": ["cycle"], "stiffness_variation": [0.0, 0.4]}, job_minutes=1000.0)
+    alike = table1(
+        points={"variation": ["cycle"], "stiffness_variation": [0.0, 0.4]}, job_minutes=1000.0
+    )
     assert len(alike.trial_chunks) == 1
 
 
 def chunk_points(study):
-    return [[part.condition.removeprefix("reflex_gain=") for part in chunk] for chunk in study.chunks]
+    return [
+        [part.condition.removeprefix("reflex_gain=") for part in chunk] for chunk in study.chunks
+    ]
 
 
 def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
@@ -46,15 +61,25 @@ def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
 
 
 def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
-    points = [{"duration": duration, "recording_rate": rate} for duration in (10.0, 20.0) for rate in (1000.0, 500.0)]
+    points = [
+        {"duration": duration, "recording_rate": rate}
+        for duration in (10.0, 20.0)
+        for rate in (1000.0, 500.0)
+    ]
     points = [*points, {"duration": 20.0, "recording_rate": 500.0, "zeta": 0.5}]
     study = table1(points=points, job_minutes=1000.0)
     assert [len(chunk) for chunk in study.chunks] == [1, 1, 1, 2]
-    assert [len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="estimates").chunks] == [1, 1, 1, 2]
-    assert [len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="scores").chunks] == [5]
+    assert [
+        len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="estimates").chunks
+    ] == [1, 1, 1, 2]
+    assert [
+        len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="scores").chunks
+    ] == [5]
 
 
-@pytest.mark.parametrize("methods", [None, [], [{"method": "riv"}]], ids=["simulated", "prepared", "identified"])
+@pytest.mark.parametrize(
+    "methods", [None, [], [{"method": "riv"}]], ids=["simulated", "prepared", "identified"]
+)
 def test_longer_trials_take_longer(methods):
     """A cost has a part that any trial takes, and one that grows with its samples."""
     short, long, longer = (
@@ -74,7 +99,13 @@ def read_table(example, tmp_path):
 
     def read(text, **settings):
         (tmp_path / "list.csv").write_text(text, encoding="utf-8")
-        study = {"table": str(tmp_path / "list.csv"), "folder": str(tmp_path), "files": {}, "defaults": {}, **settings}
+        study = {
+            "table": str(tmp_path / "list.csv"),
+            "folder": str(tmp_path),
+            "files": {},
+            "defaults": {},
+            **settings,
+        }
         example["studies"]["recordings"] |= study
         return read_studies(example)[1]["recordings"]
 

@@ -30,7 +30,9 @@ def test_equation_15(first, rows, columns, channels, spare, seed):
     # With spare = 0, the last sample of the signal is the lower right corner.
     samples = first + rows + columns - 1 + spare
     x = np.random.default_rng(seed).standard_normal((samples, channels))
-    np.testing.assert_array_equal(block_hankel(x, first, rows, columns), build_entry_by_entry(x, first, rows, columns))
+    np.testing.assert_array_equal(
+        block_hankel(x, first, rows, columns), build_entry_by_entry(x, first, rows, columns)
+    )
 
 
 def multiply_rows(x, rows):
@@ -71,7 +73,9 @@ def test_products_beyond_the_lags_are_nan():
 @pytest.mark.parametrize("size", [3, 50, 5000])
 def test_columns_do_not_depend_on_the_chunks(size):
     x = np.random.default_rng(2).standard_normal((3000, 2))
-    columns = np.concatenate(list(generate_columns((x[k : k + size] for k in range(0, 3000, size)), 7, np.arange(14))))
+    columns = np.concatenate(
+        list(generate_columns((x[k : k + size] for k in range(0, 3000, size)), 7, np.arange(14)))
+    )
     np.testing.assert_array_equal(columns, block_hankel(x, 0, 7, 2994).T)
 
 

@@ -14,7 +14,9 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 def estimate_input_matrices(A, C, u, y, dynamic=None, predicted=None):
     regression = OutputRegression(A, C, u.shape[1], dynamic, 1, offsets=True)
-    return regression.solve([[np.hstack([u, y])]], None if predicted is None else [predicted], 1e-10)
+    return regression.solve(
+        [[np.hstack([u, y])]], None if predicted is None else [predicted], 1e-10
+    )
 
 
 def random_model(rng, order, inputs, outputs, radius=0.9):
@@ -35,7 +37,10 @@ def simulate(A, B, C, D, u, x0):
 
 
 def is_observable(A, C):
-    return np.linalg.cond(np.vstack([C @ np.linalg.matrix_power(A, k) for k in range(A.shape[0])])) < 1e3
+    return (
+        np.linalg.cond(np.vstack([C @ np.linalg.matrix_power(A, k) for k in range(A.shape[0])]))
+        < 1e3
+    )
 
 
 # --- response
@@ -50,7 +55,9 @@ def test_response_agrees_with_scipy_and_control(order, inputs, outputs, seed):
     y = simulate_response(A, B, C, D, u, x0)
     assert y.shape == (80, outputs)
     np.testing.assert_allclose(y, sps.dlsim((A, B, C, D, 1.0), u, x0=x0)[1], rtol=1e-10, atol=1e-10)
-    by_control = control.forced_response(control.ss(A, B, C, D, 1.0), inputs=u.T, initial_state=x0, squeeze=False)
+    by_control = control.forced_response(
+        control.ss(A, B, C, D, 1.0), inputs=u.T, initial_state=x0, squeeze=False
+    )
     np.testing.assert_allclose(y, by_control.outputs.T, rtol=1e-10, atol=1e-10)
 
 
@@ -71,7 +78,11 @@ def test_exact_recovery(order, inputs, outputs, mask, seed):
     A, B, C, D = random_model(rng, order, inputs, outputs)
     assume(is_observable(A, C))
     B[:, ~dynamic] = 0.0
-    u, x0, offset = rng.standard_normal((150, inputs)), rng.standard_normal(order), rng.standard_normal(outputs)
+    u, x0, offset = (
+        rng.standard_normal((150, inputs)),
+        rng.standard_normal(order),
+        rng.standard_normal(outputs),
+    )
     y = simulate(A, B, C, D, u, x0) + offset
     estimate = estimate_input_matrices(A, C, u, y, dynamic)
     for name, value, truth in (
@@ -89,14 +100,21 @@ def test_too_few_samples_are_refused():
     rng = np.random.default_rng(8)
     A, _, C, _ = random_model(rng, 3, 2, 1)
     u, y = rng.standard_normal((11, 2)), rng.standard_normal((11, 1))
-    with pytest.raises(DataError, match="11 samples cannot determine 12 entries of B, D, x0: record longer"):
+    with pytest.raises(
+        DataError, match="11 samples cannot determine 12 entries of B, D, x0: record longer"
+    ):
         estimate_input_matrices(A, C, u, y)
 
 
 # --- instruments
 
 
-PLANT = (np.array([[1.5, -0.7], [1.0, 0.0]]), np.array([[1.0], [0.0]]), np.array([[1.0, 0.5]]), np.zeros((1, 1)))
+PLANT = (
+    np.array([[1.5, -0.7], [1.0, 0.0]]),
+    np.array([[1.0], [0.0]]),
+    np.array([[1.0, 0.5]]),
+    np.zeros((1, 1)),
+)
 
 
 def closed_loop(rng, samples, noise):
@@ -115,7 +133,11 @@ def closed_loop(rng, samples, noise):
 def test_instruments_remove_the_bias_of_feedback():
     A, B, C, D = PLANT
     truth = np.concatenate([B.ravel(), D.ravel()])
-    errors = {"least squares": [], "noise-free inputs": [], "inputs predicted from the reference": []}
+    errors = {
+        "least squares": [],
+        "noise-free inputs": [],
+        "inputs predicted from the reference": [],
+    }
     for seed in range(24):
         u, y, r = closed_loop(np.random.default_rng(seed), 4000, noise=1.0)
         clean, _, _ = closed_loop(np.random.default_rng(seed), 4000, noise=0.0)
@@ -139,9 +161,13 @@ def test_instruments_remove_the_bias_of_feedback():
 def test_prediction_by_a_response_with_leads(leads, lags):
     rng = np.random.default_rng(10)
     r = rng.standard_normal((500, 2))
-    taps = rng.standard_normal((4, 2, 3))  # two leads, the present, one lag; two references; three signals
+    taps = rng.standard_normal(
+        (4, 2, 3)
+    )  # two leads, the present, one lag; two references; three signals
     u = sum(np.roll(r, shift, axis=0) @ taps[k] for k, shift in enumerate((-2, -1, 0, 1)))
     offset = np.array([1.0, -2.0, 3.0])  # which no lag of the reference explains
     predicted = predict_from_reference([u + offset], [r], leads, lags)[0]
     difference = (u - predicted)[5:-5]
-    np.testing.assert_allclose(difference, np.broadcast_to(difference[0], difference.shape), atol=1e-9)
+    np.testing.assert_allclose(
+        difference, np.broadcast_to(difference[0], difference.shape), atol=1e-9
+    )

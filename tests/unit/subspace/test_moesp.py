@@ -24,7 +24,9 @@ def simulate(model, u):
 
 def frequency_response(A, B, C, D):
     """C (zI - A)^-1 B + D around the unit circle."""
-    return np.array([C @ np.linalg.solve(np.exp(1j * w) * np.eye(A.shape[0]) - A, B) + D for w in FREQUENCIES])
+    return np.array(
+        [C @ np.linalg.solve(np.exp(1j * w) * np.eye(A.shape[0]) - A, B) + D for w in FREQUENCIES]
+    )
 
 
 def matrices(estimate):
@@ -33,7 +35,9 @@ def matrices(estimate):
 
 def assert_same_transfer_function(model, truth, rtol):
     expected = frequency_response(*truth)
-    np.testing.assert_allclose(frequency_response(*model), expected, atol=rtol * np.max(np.abs(expected)))
+    np.testing.assert_allclose(
+        frequency_response(*model), expected, atol=rtol * np.max(np.abs(expected))
+    )
 
 
 def pole_distance(A, truth):
@@ -55,9 +59,13 @@ def run_slicot(u, y, block_rows, order, method="C"):
     """A, B, C, D by SLICOT's IB01AD and IB01BD, its MOESP ("M", A and C only) or combined method ("C")."""
     m, p, samples = u.shape[1], y.shape[1], u.shape[0]
     u, y = (np.array(x, order="F") for x in (u, y))
-    _, r, _, _, info = ctrlsys.ib01ad("M", "Q", "N", "O", "N", "N", block_rows, m, p, u, y, 0.0, -1.0)
+    _, r, _, _, info = ctrlsys.ib01ad(
+        "M", "Q", "N", "O", "N", "N", block_rows, m, p, u, y, 0.0, -1.0
+    )
     assert info == 0
-    A, C, B, D, *_, info = ctrlsys.ib01bd(method, "A", "N", block_rows, order, m, p, samples, r, 0.0)
+    A, C, B, D, *_, info = ctrlsys.ib01bd(
+        method, "A", "N", block_rows, order, m, p, samples, r, 0.0
+    )
     assert info == 0
     return A, B, C, D
 
@@ -70,7 +78,11 @@ def simulate_open_loop(order, inputs, outputs, snr_db, samples=5000, seed=0):
     truth = random_model(rng, order, inputs, outputs)
     u = rng.standard_normal((samples, inputs))
     clean = simulate(truth, u)
-    noise = 0.0 if snr_db is None else clean.std(axis=0) * 10 ** (-snr_db / 20) * rng.standard_normal(clean.shape)
+    noise = (
+        0.0
+        if snr_db is None
+        else clean.std(axis=0) * 10 ** (-snr_db / 20) * rng.standard_normal(clean.shape)
+    )
     return truth, u, clean, clean + noise
 
 
@@ -176,7 +188,10 @@ def compute_rms(errors):
 
 
 def test_consistency_in_closed_loop():
-    errors = {name: [] for name in ("ordinary", "correlation", "ordinary with leads", "correlation with leads")}
+    errors = {
+        name: []
+        for name in ("ordinary", "correlation", "ordinary with leads", "correlation with leads")
+    }
     for seed in range(5):
         u, y, r = closed_loop(seed)
         for form in ("ordinary", "correlation"):
@@ -196,16 +211,21 @@ def test_consistency_in_closed_loop():
 
 def test_leads_are_rows_of_the_reference_in_the_future():
     u, y, r = closed_loop(0, samples=4000)
-    leads = moesp(u, y, 6, 2, "past-reference", "correlation", r, instrument_rows=18, instrument_leads=6)
+    leads = moesp(
+        u, y, 6, 2, "past-reference", "correlation", r, instrument_rows=18, instrument_leads=6
+    )
     # The same rows as those of a reference that is six samples early, but for six columns.
     early = moesp(u[:-6], y[:-6], 6, 2, "past-reference", "correlation", r[6:], instrument_rows=24)
     assert leads.diagnostics["instrument_rows"] == early.diagnostics["instrument_rows"] == 24
     assert abs(upper_pole(leads) - upper_pole(early)) < 0.02
     assert abs(upper_pole(leads) - PLANT_POLE) < 0.1
-    with pytest.raises(ValueError, match=r"instrument_leads must be between 0 and block_rows \(6\), got 7"):
+    with pytest.raises(
+        ValueError, match=r"instrument_leads must be between 0 and block_rows \(6\), got 7"
+    ):
         moesp(u, y, 6, 2, "past-reference", "correlation", r, instrument_leads=7)
     with pytest.raises(
-        ValueError, match="instrument_leads must be 0 unless instruments are made of the reference: with 'past-input'"
+        ValueError,
+        match="instrument_leads must be 0 unless instruments are made of the reference: with 'past-input'",
     ):
         moesp(u, y, 6, 2, instrument_leads=1)
 
@@ -215,12 +235,18 @@ def test_leads_are_rows_of_the_reference_in_the_future():
 
 def test_the_error_names_a_missing_sample():
     _, u, y, r = simulate_with_reference(samples=300)
-    for name, signal, arguments in (("input", u, ()), ("output", y, ()), ("reference", r, ("past-reference",))):
+    for name, signal, arguments in (
+        ("input", u, ()),
+        ("output", y, ()),
+        ("reference", r, ("past-reference",)),
+    ):
         for value in (np.nan, np.inf):
             faulty = signal.copy()
             faulty[[17, 200], 1] = value
             data = {"input": u, "output": y, "reference": r} | {name: faulty}
-            with pytest.raises(DataError, match=f"{name} 1 is not finite at sample 17: cut or repair the record"):
+            with pytest.raises(
+                DataError, match=f"{name} 1 is not finite at sample 17: cut or repair the record"
+            ):
                 moesp(data["input"], data["output"], 5, 2, *arguments, reference=data["reference"])
 
 
@@ -230,13 +256,19 @@ def test_the_error_names_a_constant_channel(name, level):
     _, u, y, r = simulate_with_reference(samples=300)
     data = {"input": u, "output": y, "reference": r}
     data[name][:, 1] = level
-    with pytest.raises(DataError, match=f"{name} 1 is constant and carries no information: leave it out"):
+    with pytest.raises(
+        DataError, match=f"{name} 1 is constant and carries no information: leave it out"
+    ):
         moesp(u, y, 5, 2, "past-reference", reference=r)
 
 
 @pytest.mark.parametrize(
     ("instruments", "projection", "least"),
-    [("none", "ordinary", 32 + 7), ("past-input", "ordinary", 48 + 15), ("past-input-output", "correlation", 64 + 15)],
+    [
+        ("none", "ordinary", 32 + 7),
+        ("past-input", "ordinary", 48 + 15),
+        ("past-input-output", "correlation", 64 + 15),
+    ],
 )
 def test_a_record_shorter_than_its_hankel_window(instruments, projection, least):
     _, u, y, _ = simulate_with_reference()
@@ -265,12 +297,17 @@ def test_an_unstable_estimate_is_replaced_and_reported():
     assert np.max(np.abs(estimate.model.poles())) < 1
     assert not estimate.diagnostics["stable"]
     (warning,) = estimate.diagnostics["warnings"]
-    assert warning.startswith("least squares gave an unstable A (spectral radius 1.0500) at order 1")
+    assert warning.startswith(
+        "least squares gave an unstable A (spectral radius 1.0500) at order 1"
+    )
     assert "Lower the order" in warning
 
 
 def test_a_projection_beyond_the_memory_is_refused_before_it_begins(monkeypatch):
     monkeypatch.setattr("ankleloop.options._find_memory", lambda: 10**9)
     u, y = np.random.default_rng(0).standard_normal((2, 100_000, 1))
-    with pytest.raises(ValueError, match=r"^moesp: this would need 3\.84 GB of memory, .* 1 GB: use fewer block_rows"):
+    with pytest.raises(
+        ValueError,
+        match=r"^moesp: this would need 3\.84 GB of memory, .* 1 GB: use fewer block_rows",
+    ):
         moesp(u, y, block_rows=4000, order=2, instruments="past-input", instrument_rows=4649)

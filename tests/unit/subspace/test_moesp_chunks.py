@@ -10,7 +10,11 @@ from ankleloop.subspace import moesp, moesp_chunks
 def simulate_data(samples=1500, seed=0, noise=0.1, alike=1.0):
     rng = np.random.default_rng(seed)
     r = rng.standard_normal((samples, 1))
-    u = np.hstack([r + 0.5 * np.roll(r, 1), 0.3 * r]) + 0.2 * rng.standard_normal((samples, 2)) + 4.0
+    u = (
+        np.hstack([r + 0.5 * np.roll(r, 1), 0.3 * r])
+        + 0.2 * rng.standard_normal((samples, 2))
+        + 4.0
+    )
     u[:, 1] = alike * u[:, 1] + (1.0 - alike) * u[:, 0]
     y, x = np.empty((samples, 1)), np.zeros(2)
     for t in range(samples):
@@ -27,7 +31,10 @@ def split(u, y, r, length):
 
 
 @settings(deadline=None, max_examples=15)
-@given(length=st.integers(1, 1600), instruments=st.sampled_from(["none", "past-input", "past-reference"]))
+@given(
+    length=st.integers(1, 1600),
+    instruments=st.sampled_from(["none", "past-input", "past-reference"]),
+)
 def test_the_estimate_is_that_of_the_record_in_memory(length, instruments):
     u, y, r = simulate_data(400)
     expected = moesp(u, y, 6, 2, instruments, reference=r)
@@ -35,9 +42,14 @@ def test_the_estimate_is_that_of_the_record_in_memory(length, instruments):
     poles = [np.sort(model.diagnostics["poles"]) for model in (expected, estimate)]
     np.testing.assert_allclose(*poles, rtol=1e-7)
     np.testing.assert_allclose(estimate.matrices.D, expected.matrices.D, rtol=1e-6)
-    np.testing.assert_allclose(estimate.singular_values, expected.singular_values, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(
-        estimate.matrices.C @ estimate.initial_state, expected.matrices.C @ expected.initial_state, rtol=1e-5, atol=1e-7
+        estimate.singular_values, expected.singular_values, rtol=1e-6, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        estimate.matrices.C @ estimate.initial_state,
+        expected.matrices.C @ expected.initial_state,
+        rtol=1e-5,
+        atol=1e-7,
     )
     for name in ("rank", "instrument_rank", "instrument_rows", "regression_rank"):
         assert estimate.diagnostics[name] == expected.diagnostics[name]

@@ -10,7 +10,12 @@ from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
 from ankleloop.subspace import moesp
 from ankleloop.subspace.hankel import block_hankel
-from ankleloop.subspace.projection import ACCURACY, project_correlation, project_factor, project_gram
+from ankleloop.subspace.projection import (
+    ACCURACY,
+    project_correlation,
+    project_factor,
+    project_gram,
+)
 
 TOLERANCE = 1e-8
 
@@ -97,7 +102,9 @@ def test_ordinary_form(u_rows, y_rows, z_rows, extra, seed):
     U, Y, Z = random_matrices(np.random.default_rng(seed), u_rows, y_rows, z_rows, columns)
     projection = project(U, Y, Z, "ordinary", TOLERANCE, 0)
     expected = project_dense(U, Y, Z, "ordinary")
-    np.testing.assert_allclose(multiply(projection) * columns, expected @ expected.T, rtol=1e-9, atol=1e-9 * columns)
+    np.testing.assert_allclose(
+        multiply(projection) * columns, expected @ expected.T, rtol=1e-9, atol=1e-9 * columns
+    )
     assert (projection.input_rank, projection.instrument_rank) == (u_rows, z_rows)
 
 
@@ -117,7 +124,9 @@ def test_correlation_form(u_rows, y_rows, order, spare, extra, seed):
     projection = project(U, Y, Z, "correlation", TOLERANCE, order)
     expected = project_dense(U, Y, Z, "correlation")
     expected = expected @ expected.T
-    np.testing.assert_allclose(multiply(projection) * columns**2, expected, rtol=1e-7, atol=1e-9 * np.trace(expected))
+    np.testing.assert_allclose(
+        multiply(projection) * columns**2, expected, rtol=1e-7, atol=1e-9 * np.trace(expected)
+    )
     assert (projection.input_rank, projection.instrument_rank) == (u_rows, z_rows)
 
 
@@ -132,7 +141,9 @@ def build_hankels(u, y, past=ROWS):
 
 
 @pytest.mark.parametrize(
-    "instruments", ["none", "ordinary", "correlation"], ids=["ordinary-without", "ordinary-with", "correlation"]
+    "instruments",
+    ["none", "ordinary", "correlation"],
+    ids=["ordinary-without", "ordinary-with", "correlation"],
 )
 @pytest.mark.parametrize("kind", ["duplicated", "scaled", "shifted", "combined"])
 def test_dependent_rows_count_once(instruments, kind):
@@ -141,7 +152,9 @@ def test_dependent_rows_count_once(instruments, kind):
     if instruments == "none":
         Z = Z[:0]
     elif instruments == "correlation":
-        Z = np.vstack([Z, np.random.default_rng(9).standard_normal((12, COLUMNS))])  # enough rows for all of U
+        Z = np.vstack(
+            [Z, np.random.default_rng(9).standard_normal((12, COLUMNS))]
+        )  # enough rows for all of U
     form = "correlation" if instruments == "correlation" else "ordinary"
     more, rank = {
         "duplicated": (U[::2], 12),
@@ -204,7 +217,9 @@ def test_the_error_states_the_rows_that_the_correlation_form_needs(order):
     tolerance=st.sampled_from([1e-3, 1e-5, 1e-8, 0.0]),
 )
 @example(seed=0, u_rows=4, y_rows=2, z_rows=0, small=-6.875, tolerance=1e-8)
-def test_inner_products_give_the_projection_of_a_factor_or_none(seed, u_rows, y_rows, z_rows, small, tolerance):
+def test_inner_products_give_the_projection_of_a_factor_or_none(
+    seed, u_rows, y_rows, z_rows, small, tolerance
+):
     """Also where squares hide a direction that a factor shows."""
     rng = np.random.default_rng(seed)
     U, Z, Y = (rng.standard_normal((rows, 300)) for rows in (u_rows, z_rows, y_rows))
@@ -219,7 +234,10 @@ def test_inner_products_give_the_projection_of_a_factor_or_none(seed, u_rows, y_
         assert small < -3.0
         return
     if not 0.1 < 10.0**small / max(tolerance, 1e-12) < 10.0:  # at the tolerance the draw decides
-        assert (projection.input_rank, projection.instrument_rank) == (expected.input_rank, expected.instrument_rank)
+        assert (projection.input_rank, projection.instrument_rank) == (
+            expected.input_rank,
+            expected.instrument_rank,
+        )
         size = min(len(projection.singular_values), len(expected.singular_values))
         squares, exact = (part.singular_values[:size] ** 2 for part in (projection, expected))
         np.testing.assert_allclose(squares, exact, rtol=0.0, atol=ACCURACY * exact[0])
@@ -235,14 +253,27 @@ def test_inner_products_suffice_for_the_regressors_of_the_paper(basis, noise, mo
     arguments = {"reference": part.reference, "dynamic": part.reflex, "rank_tolerance": 1e-5}
 
     def identify():
-        return moesp(part.inputs, part.torque, 15, 2, "past-reference", regression_tolerance=1e-3, **arguments)
+        return moesp(
+            part.inputs,
+            part.torque,
+            15,
+            2,
+            "past-reference",
+            regression_tolerance=1e-3,
+            **arguments,
+        )
 
     estimate = identify()
     monkeypatch.setattr(sys.modules[moesp.__module__], "project_gram", lambda *_: None)
     expected = identify()
-    assert (estimate.diagnostics["compression"], expected.diagnostics["compression"]) == ("gram", "qr")
+    assert (estimate.diagnostics["compression"], expected.diagnostics["compression"]) == (
+        "gram",
+        "qr",
+    )
     assert estimate.diagnostics["rank"] == expected.diagnostics["rank"] < part.inputs.shape[1] * 15
     D, expected_D = estimate.matrices.D[0], expected.matrices.D[0]
     np.testing.assert_allclose(D[:3], expected_D[:3], rtol=1e-6)  # K, B, I
     np.testing.assert_allclose(D[3:], expected_D[3:], atol=5e-6 * np.abs(expected_D[3:]).max())
-    np.testing.assert_allclose(estimate.singular_values[:2], expected.singular_values[:2], rtol=5e-6)
+    np.testing.assert_allclose(
+        estimate.singular_values[:2], expected.singular_values[:2], rtol=5e-6
+    )

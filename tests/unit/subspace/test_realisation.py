@@ -11,7 +11,9 @@ SEEDS = st.integers(0, 2**32 - 1)
 def random_system(rng, order, outputs, radius):
     """A and C of a given spectral radius."""
     A = rng.standard_normal((order, order))
-    return A * (radius / np.max(np.abs(np.linalg.eigvals(A)))), rng.standard_normal((outputs, order))
+    return A * (radius / np.max(np.abs(np.linalg.eigvals(A)))), rng.standard_normal(
+        (outputs, order)
+    )
 
 
 def observability(A, C, block_rows):
@@ -46,7 +48,9 @@ def test_exact_observability_matrix(order, outputs, spare, more, radius, seed):
     assert unstable_radius is None
     np.testing.assert_allclose(np.poly(A_estimate), np.poly(A), atol=1e-9)
     # The same system in another basis, whose observability matrix has these columns.
-    np.testing.assert_allclose(observability(A_estimate, C_estimate, order + spare), columns[:, :order], atol=1e-9)
+    np.testing.assert_allclose(
+        observability(A_estimate, C_estimate, order + spare), columns[:, :order], atol=1e-9
+    )
 
 
 # --- stability

@@ -40,7 +40,9 @@ def test_every_record_has_its_own_initial_state():
     estimate = moesp(u, y, 6, 2)
     model = estimate.model
     for inputs, outputs, start in zip(u, y, estimate.initial_state, strict=True):
-        predicted = simulate_response(model.A, model.B, model.C, model.D, inputs - inputs.mean(axis=0), start)
+        predicted = simulate_response(
+            model.A, model.B, model.C, model.D, inputs - inputs.mean(axis=0), start
+        )
         # Each record has its own offset, too.
         np.testing.assert_allclose(np.ptp(outputs - predicted), 0.0, atol=1e-7)
 
@@ -56,7 +58,17 @@ def test_records_in_closed_loop_with_a_reference():
             inputs[t] = reference[t] - 0.2 * outputs[t]
             x = A @ x + B[:, 0] * inputs[t]
         u, y, r = [*u, inputs], [*y, outputs], [*r, reference]
-    estimate = moesp(u, y, 6, 2, "past-reference", "correlation", r, instrument_rows=20, input_matrices="instruments")
+    estimate = moesp(
+        u,
+        y,
+        6,
+        2,
+        "past-reference",
+        "correlation",
+        r,
+        instrument_rows=20,
+        input_matrices="instruments",
+    )
     np.testing.assert_allclose(
         np.sort_complex(estimate.model.poles()), np.sort_complex(np.linalg.eigvals(A)), atol=0.02
     )

@@ -70,9 +70,13 @@ def test_the_regression_without_offsets_has_no_column_for_them(u):
         return out
 
     units = [np.eye(8)[k] for k in range(8)]
-    phi = np.column_stack([respond(e[:4].reshape(2, 2), e[4:6].reshape(1, 2), e[6:], u) for e in units])
+    phi = np.column_stack(
+        [respond(e[:4].reshape(2, 2), e[4:6].reshape(1, 2), e[6:], u) for e in units]
+    )
     theta = np.linalg.lstsq(phi, y[:, 0], rcond=None)[0]
-    fit = OutputRegression(A, C, 2, None, 1, offsets=False).solve([[np.hstack([u, y])]], None, 1e-10)
+    fit = OutputRegression(A, C, 2, None, 1, offsets=False).solve(
+        [[np.hstack([u, y])]], None, 1e-10
+    )
     np.testing.assert_allclose(fit.B.ravel(), theta[:4], rtol=1e-9)
     np.testing.assert_allclose(fit.D.ravel(), theta[4:6], rtol=1e-9)
     np.testing.assert_allclose(fit.initial_state, theta[6:], rtol=1e-9)

@@ -45,18 +45,29 @@ def test_commas_at_the_ends_of_lines(tmp_path):
         assert columns(tmp_path, f"{header}\n{row}\n{row}\n")["torque"].tolist() == [2, 2]
 
 
-@pytest.mark.parametrize("header", ["position,position \n", '"position", position\n', "position,\tposition\n"])
+@pytest.mark.parametrize(
+    "header", ["position,position \n", '"position", position\n', "position,\tposition\n"]
+)
 def test_columns_of_one_name(tmp_path, header):
     message = refused(tmp_path, header + "1,2\n3,4\n", "position")
-    assert message == "a.csv: 2 columns are called 'position' (columns 1, 2): give each a name of its own."
+    assert (
+        message
+        == "a.csv: 2 columns are called 'position' (columns 1, 2): give each a name of its own."
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "the table has no header in its first line, or no samples below it"),
-        ("position,torque\n1,2\n1,\udce4\n", "line 3 is no text in UTF-8 (byte 0xe4): save it as CSV in UTF-8"),
-        ("\ufeffposition,torque\n1,2\n".encode("utf-16"), "line 1 is no text in UTF-8 (byte 0xff): save it"),
+        (
+            "position,torque\n1,2\n1,\udce4\n",
+            "line 3 is no text in UTF-8 (byte 0xe4): save it as CSV in UTF-8",
+        ),
+        (
+            "\ufeffposition,torque\n1,2\n".encode("utf-16"),
+            "line 1 is no text in UTF-8 (byte 0xff): save it",
+        ),
         ("position,torque\n1,2\0\n", "line 2 is no text in UTF-8 (byte 0x00): save it"),
     ],
 )
@@ -71,7 +82,9 @@ def test_what_is_no_table(tmp_path, text, message):
 def test_a_number_that_may_be_cut_off_gives_a_warning(tmp_path):
     text = "position,torque\n" + "".join(f"{0.001 * k},{k * k}\n" for k in range(20)).rstrip("\n")
     (tmp_path / "a.csv").write_text(text)
-    with pytest.warns(UserWarning, match=r"a.csv: the file ends within line 21, at the torque .361., without"):
+    with pytest.warns(
+        UserWarning, match=r"a.csv: the file ends within line 21, at the torque .361., without"
+    ):
         assert read_trial(tmp_path / "a.csv", sampling_rate=100.0).torque[-1] == 361
 
 
@@ -101,7 +114,10 @@ def test_a_file_without_permission(tmp_path):
     if is_root:
         os.seteuid(65534)  # root may read everything
     try:
-        with pytest.raises(DataError, match=r"a.csv: the file cannot be opened \(Permission denied\): check the path"):
+        with pytest.raises(
+            DataError,
+            match=r"a.csv: the file cannot be opened \(Permission denied\): check the path",
+        ):
             read_trial(path)
     finally:
         if is_root:

@@ -17,7 +17,8 @@ TQ = 3.0 * np.cos(np.arange(300) / 10)
 
 @pytest.mark.parametrize("kind", ["int16", "int32", "uint16", "float32"])
 @pytest.mark.parametrize(
-    "attributes", [{"scale_factor": 0.5}, {"add_offset": 3.0}, {"scale_factor": 2.0, "add_offset": -1.0}]
+    "attributes",
+    [{"scale_factor": 0.5}, {"add_offset": 3.0}, {"scale_factor": 2.0, "add_offset": -1.0}],
 )
 def test_samples_are_those_of_xarray(kind, attributes):
     stored = np.array([0, 1, 7, 100, 7], dtype=kind)
@@ -52,7 +53,9 @@ def test_packed_positions_of_every_format(tmp_path, engine):
             file["position"], file["torque"], file["fs"] = stored, TQ, RATE
             file["position"].attrs.update(packing)
     else:
-        data = xr.Dataset({"position": ("t", stored, packing), "torque": ("t", TQ)}, attrs={"fs": RATE})
+        data = xr.Dataset(
+            {"position": ("t", stored, packing), "torque": ("t", TQ)}, attrs={"fs": RATE}
+        )
         data.to_netcdf(path, engine=engine)
     np.testing.assert_allclose(read_trial(path).position, stored * 1e-6, rtol=1e-12)
     np.testing.assert_allclose(read_trial(path).position, P, atol=6e-7)
@@ -69,7 +72,9 @@ def test_samples_that_are_no_real_numbers_are_refused(tmp_path, kind):
 # --- units
 
 
-@pytest.mark.parametrize(("name", "unit"), [("angle_deg", "rad"), ("angle [rad]", "deg"), ("angle (Degrees)", "rad")])
+@pytest.mark.parametrize(
+    ("name", "unit"), [("angle_deg", "rad"), ("angle [rad]", "deg"), ("angle (Degrees)", "rad")]
+)
 def test_a_unit_in_the_name_counts(name, unit):
     with pytest.raises(DataError, match="according to the file, but position_unit is"):
         check_unit("position", name, "", unit, source="a")
@@ -100,8 +105,11 @@ def test_times_in_ms(tmp_path, name, unit):
 
 
 def test_times_without_unit_that_are_too_slow(tmp_path):
-    scipy.io.savemat(tmp_path / "a.mat", {"position": P, "torque": TQ, "time": 2.0 * np.arange(300)})
+    scipy.io.savemat(
+        tmp_path / "a.mat", {"position": P, "torque": TQ, "time": 2.0 * np.arange(300)}
+    )
     with pytest.raises(
-        DataError, match=r"time runs at 0.5 Hz, too slow for a joint: is it in ms\? Then call it time_ms"
+        DataError,
+        match=r"time runs at 0.5 Hz, too slow for a joint: is it in ms\? Then call it time_ms",
     ):
         read_trial(tmp_path / "a.mat")

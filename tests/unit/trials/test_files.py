@@ -136,7 +136,9 @@ def detour(path):
     return path.parent / "folder" / ".." / path.name
 
 
-@pytest.mark.parametrize("alias", [lambda path: path, hard_link, soft_link, detour], ids=["name", "hard", "soft", ".."])
+@pytest.mark.parametrize(
+    "alias", [lambda path: path, hard_link, soft_link, detour], ids=["name", "hard", "soft", ".."]
+)
 @pytest.mark.parametrize(("overwrite", "swapped"), [(False, False), (True, False), (True, True)])
 def test_a_long_record_is_never_written_over(recording, alias, overwrite, swapped):
     before, other = recording.read_bytes(), alias(recording)
@@ -224,17 +226,26 @@ def test_a_full_disk_leaves_the_good_file_and_nothing_else(tmp_path):
     lines = [line.split("|") for line in run.stdout.splitlines()]
     refused = {limit: {line[1] for line in lines if line[0] == limit} for limit in ("4", "20000")}
     assert refused["4"] == {*WRITERS} - {"atomic_file"}  # what `write_text` writes is not larger
-    assert refused["20000"] >= {"write_netcdf", "save_trial", "save_trials"}  # in the middle of the samples
+    assert refused["20000"] >= {
+        "write_netcdf",
+        "save_trial",
+        "save_trials",
+    }  # in the middle of the samples
     for limit, writer, exists, items, message in lines:
         name = WRITERS[writer][0]
         path = tmp_path / limit / f"{writer}-{exists}" / name
         assert items == (f"['{name}']" if exists == "True" else "[]"), writer
         assert exists == "False" or path.read_text() == "good"
-        assert f"{path}: the file cannot be written (File too large): free space in the folder {path.parent}" in message
+        assert (
+            f"{path}: the file cannot be written (File too large): free space in the folder {path.parent}"
+            in message
+        )
 
 
 def test_a_folder_that_is_read_only(trial):
-    with pytest.raises(DataError, match=r"^/sys/x.nc: the file cannot be written \(.*\): .*the folder /sys"):
+    with pytest.raises(
+        DataError, match=r"^/sys/x.nc: the file cannot be written \(.*\): .*the folder /sys"
+    ):
         save_trial(trial, "/sys/x.nc")
     program = (
         "import os, sys; from ankleloop.trials.files import check_output;"
@@ -242,9 +253,14 @@ def test_a_folder_that_is_read_only(trial):
     )
     with tempfile.TemporaryDirectory(dir="/tmp") as folder:
         os.chmod(folder, 0o555)
-        run = subprocess.run([sys.executable, "-c", program, f"{folder}/x.nc"], capture_output=True, text=True)
+        run = subprocess.run(
+            [sys.executable, "-c", program, f"{folder}/x.nc"], capture_output=True, text=True
+        )
         os.chmod(folder, 0o755)
-    assert "x.nc: the file cannot be written (Permission denied): check its name, and that you may write" in run.stderr
+    assert (
+        "x.nc: the file cannot be written (Permission denied): check its name, and that you may write"
+        in run.stderr
+    )
 
 
 # --- Processes that are killed, and several writers
@@ -259,7 +275,9 @@ with atomic_netcdf(sys.argv[1]) as file:
 
 
 def start_writer(path):
-    process = subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout.readline() == "ready\n"
     return process
 

@@ -27,14 +27,19 @@ def test_every_version_and_format(tmp_path, version, kind):
 
 def test_cases_count_from_1(tmp_path):
     path = write(
-        tmp_path / "S1.flb", flb_case(comment="relaxed"), flb_case(2, -2, scale=0.5), flb_case(names=("", "\xb5V"))
+        tmp_path / "S1.flb",
+        flb_case(comment="relaxed"),
+        flb_case(2, -2, scale=0.5),
+        flb_case(names=("", "\xb5V")),
     )
     second = read_trial(path, case=2, position="POS", torque="TQ")
     np.testing.assert_allclose(second.torque, 0.5 * TORQUE, atol=2e-4)
     assert second.attrs["case"] == 2
     assert [variable.name for variable in list_variables(path, case=3)] == ["channel 1", "\xb5V"]
     cases = r"case 1: POS, TQ, 0.4 s at 1000 Hz, 'relaxed'; case 2: POS, TQ, 0.4 s"
-    with pytest.raises(DataError, match=rf"S1.flb: there are 3 cases: choose one by the option case. {cases}"):
+    with pytest.raises(
+        DataError, match=rf"S1.flb: there are 3 cases: choose one by the option case. {cases}"
+    ):
         read_trial(path)
     with pytest.raises(DataError, match="there is no case 4: the file has 3, counted from 1"):
         read_trial(path, case=4)
@@ -49,8 +54,14 @@ def test_realizations_have_numbers(tmp_path):
 
 
 def test_channels_of_one_name(tmp_path):
-    with pytest.raises(DataError, match=r"S1.flb: 2 channels are called 'POS' \(channels 1, 2\): give each a name"):
-        read_trial(write(tmp_path / "S1.flb", flb_case(names=("POS", "POS"))), position="POS", torque="POS2")
+    with pytest.raises(
+        DataError, match=r"S1.flb: 2 channels are called 'POS' \(channels 1, 2\): give each a name"
+    ):
+        read_trial(
+            write(tmp_path / "S1.flb", flb_case(names=("POS", "POS"))),
+            position="POS",
+            torque="POS2",
+        )
 
 
 def test_long_records(tmp_path):
@@ -62,5 +73,7 @@ def test_long_records(tmp_path):
 
 def test_a_case_of_another_container(tmp_path):
     (tmp_path / "a.csv").write_text("position,torque\n0,0\n")
-    with pytest.raises(DataError, match=r"a.csv: case chooses a trial of an .flb file: leave it out"):
+    with pytest.raises(
+        DataError, match=r"a.csv: case chooses a trial of an .flb file: leave it out"
+    ):
         read_trial(tmp_path / "a.csv", case=1)

@@ -26,7 +26,11 @@ def path(request, tmp_path):
 def test_numbers_and_texts_come_back(path):
     texts = {"text": "σ · 'quoted'\nline", "empty": "", "number": 2.0}
     data = xr.Dataset(NUMBERS | {"long": ((), "x" * 70_000)}, {"name": ["a", "bc"]}, texts)
-    write_groups({"": xr.Dataset(attrs={"kind": "test"}), "data": data, "bare": xr.Dataset()}, path, "contents")
+    write_groups(
+        {"": xr.Dataset(attrs={"kind": "test"}), "data": data, "bare": xr.Dataset()},
+        path,
+        "contents",
+    )
     groups = read_groups(path, "contents")
     assert groups[""].text("kind") == "test"
     assert groups["data"].text("text") == texts["text"]

@@ -57,7 +57,9 @@ def test_a_dimension_without_a_variable_is_no_time(tmp_path):
             file.create_variable(name, ("time",), float)[:] = values
     with h5py.File(tmp_path / "a.nc", "a") as file:
         assert file["time"].shape == (300,)  # zeros
-    with pytest.raises(DataError, match=r"a.nc: there is no sampling rate \(.*\) and no time column"):
+    with pytest.raises(
+        DataError, match=r"a.nc: there is no sampling rate \(.*\) and no time column"
+    ):
         read_trial(tmp_path / "a.nc")
     assert read_trial(tmp_path / "a.nc", sampling_rate=RATE).attrs["sampling_rate"] == RATE
 

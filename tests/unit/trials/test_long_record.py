@@ -49,11 +49,17 @@ GAP = np.concatenate([TIME[:600], TIME[600:] + 0.5])
 VARIANTS = {
     "plain": ({}, {}),
     "packed": (
-        {"variables": {"position": PACKED}, "attributes": {"position": {"scale_factor": 1e-6, "add_offset": -0.01}}},
+        {
+            "variables": {"position": PACKED},
+            "attributes": {"position": {"scale_factor": 1e-6, "add_offset": -0.01}},
+        },
         {},
     ),
     "fill value": (
-        {"variables": {"torque": changed(TQ, 700, -9999.0)}, "attributes": {"torque": {"_FillValue": -9999.0}}},
+        {
+            "variables": {"torque": changed(TQ, 700, -9999.0)},
+            "attributes": {"torque": {"_FillValue": -9999.0}},
+        },
         {},
     ),
     "degrees": (
@@ -71,10 +77,20 @@ VARIANTS = {
     "not finite": ({"variables": {"reference": changed(changed(R, 510, np.nan), 20, np.inf)}}, {}),
     "constant": ({"variables": {"torque": np.full(N, 2.5)}}, {}),
     "two spikes": ({"variables": {"position": changed(changed(P, 100, 1.0), 503, -1.1)}}, {}),
-    "group": ({"group": "ankle/left"}, {name: f"ankle/left/{name}" for name in ("position", "torque", "reference")}),
+    "group": (
+        {"group": "ankle/left"},
+        {name: f"ankle/left/{name}" for name in ("position", "torque", "reference")},
+    ),
     "further variables": (
-        {"variables": {"emg": R + 1.0, "level": np.ones(N)}, "attributes": {"emg": {"units": "mV"}}},
-        {"variables": {"activity": "emg", "still": "level"}, "position_unit": "deg", "torque_sign": -1},
+        {
+            "variables": {"emg": R + 1.0, "level": np.ones(N)},
+            "attributes": {"emg": {"units": "mV"}},
+        },
+        {
+            "variables": {"activity": "emg", "still": "level"},
+            "position_unit": "deg",
+            "torque_sign": -1,
+        },
     ),
 }
 
@@ -111,10 +127,14 @@ def test_each_variant_is_read_or_refused_as_by_read_trial(tmp_path, monkeypatch,
 
 
 def test_files_of_xarray_and_classic_netcdf(tmp_path):
-    data = xr.Dataset({"position": ("t", P), "torque": ("t", TQ), "reference": ("t", R)}, attrs={"fs": RATE})
+    data = xr.Dataset(
+        {"position": ("t", P), "torque": ("t", TQ), "reference": ("t", R)}, attrs={"fs": RATE}
+    )
     packing = {"position": {"dtype": "int16", "scale_factor": 1e-6, "_FillValue": -32768}}
     data.to_netcdf(tmp_path / "packed.nc", engine="h5netcdf", encoding=packing)
-    xr.DataTree.from_dict({"/": xr.Dataset(), "/left": data}).to_netcdf(tmp_path / "group.nc", engine="h5netcdf")
+    xr.DataTree.from_dict({"/": xr.Dataset(), "/left": data}).to_netcdf(
+        tmp_path / "group.nc", engine="h5netcdf"
+    )
     with netcdf_file(tmp_path / "classic.nc", "w") as file:
         file.createDimension("t", N)
         for name, values in {"position": P, "torque": TQ, "reference": R, "time": TIME}.items():
@@ -147,7 +167,9 @@ def test_a_file_that_is_changed_later_is_refused(tmp_path):
     write(tmp_path / "rec.h5")
     record = LongRecord(tmp_path / "rec.h5")
     write(tmp_path / "rec.h5", {"torque": 2 * TQ})
-    with pytest.raises(DataError, match=r"^rec.h5: the file has been changed since the record was made"):
+    with pytest.raises(
+        DataError, match=r"^rec.h5: the file has been changed since the record was made"
+    ):
         record.read(0, 10)
     (tmp_path / "rec.h5").unlink()
     with pytest.raises(DataError, match="there is no such file"):
@@ -186,4 +208,6 @@ def test_checks_of_blocks_are_those_of_the_whole(values, cuts, rate):
     time = ("time", np.arange(len(values)) / rate)
     trial = xr.Dataset({name: ("time", column) for name, column in columns.items()}, {"time": time})
     whole = outcome(lambda: validate(trial.assign_attrs(sampling_rate=rate), source="x"))
-    assert outcome(lambda: check_samples(blocks, rate, source="x")) == (whole if isinstance(whole, str) else None)
+    assert outcome(lambda: check_samples(blocks, rate, source="x")) == (
+        whole if isinstance(whole, str) else None
+    )

@@ -84,8 +84,12 @@ def write_mat(path, **options):
     {
         "pandas.csv": write_csv,
         "v4.mat": lambda path: write_mat(path, format="4"),
-        "row.mat": lambda path: write_v73(path, {"position": P[None, :], "torque": TQ[None, :], "fs": RATE}),
-        "column.mat": lambda path: write_v73(path, {"position": P[:, None], "torque": TQ[:, None], "fs": RATE}),
+        "row.mat": lambda path: write_v73(
+            path, {"position": P[None, :], "torque": TQ[None, :], "fs": RATE}
+        ),
+        "column.mat": lambda path: write_v73(
+            path, {"position": P[:, None], "torque": TQ[:, None], "fs": RATE}
+        ),
         "a.h5": write_hdf5,
         "a.hdf5": write_hdf5,
         "v4.nc": lambda path: write_netcdf(path, engine="h5netcdf"),
@@ -119,7 +123,8 @@ def test_text_in_a_cell_is_located_by_its_line(tmp_path, compressed, blank):
         file.write("\n".join(lines))
     line = 14 if blank else 12
     with pytest.raises(
-        DataError, match=rf"^{path.name}: position is not a number in line {line} but 'n.v.t.': correct"
+        DataError,
+        match=rf"^{path.name}: position is not a number in line {line} but 'n.v.t.': correct",
     ):
         read_trial(path)
 
@@ -132,7 +137,10 @@ def test_mat_v5_struct(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", data)
     names = {"position": "rec.ankle.pos", "torque": "rec.ankle.tq", "reference": "rec.ankle.cmd"}
     assert_signals(read_trial(tmp_path / "a.mat", **names))
-    with pytest.raises(DataError, match=r"there is no variable 'rec.pos'; the file has: rec.ankle.pos, rec.ankle.tq, "):
+    with pytest.raises(
+        DataError,
+        match=r"there is no variable 'rec.pos'; the file has: rec.ankle.pos, rec.ankle.tq, ",
+    ):
         read_trial(tmp_path / "a.mat", position="rec.pos", torque="rec.ankle.tq")
 
 
@@ -144,10 +152,15 @@ def test_mat_v5_with_structs_of_any_shape_beside_the_channels(tmp_path):
 
 
 def test_mat_v73_struct(tmp_path):
-    path = write_v73(tmp_path / "a.mat", {"rec": {"ankle": {"pos": P, "tq": TQ}, "Fs": RATE}, "fs": 1.0})
+    path = write_v73(
+        tmp_path / "a.mat", {"rec": {"ankle": {"pos": P, "tq": TQ}, "Fs": RATE}, "fs": 1.0}
+    )
     assert_signals(read_trial(path, position="rec.ankle.pos", torque="rec.ankle.tq"))
     assert_signals(read_trial(path))  # by their names
-    with pytest.raises(DataError, match=r"no variable 'pos'; the file has: fs, rec.Fs, rec.ankle.pos, rec.ankle.tq\."):
+    with pytest.raises(
+        DataError,
+        match=r"no variable 'pos'; the file has: fs, rec.Fs, rec.ankle.pos, rec.ankle.tq\.",
+    ):
         read_trial(path, position="pos")
 
 
@@ -192,7 +205,8 @@ def test_stated_units_contradict_the_option(tmp_path, unit):
         file["position"], file["torque"], file["fs"] = np.rad2deg(P), TQ, RATE
         file["position"].attrs["units"] = unit
     with pytest.raises(
-        DataError, match=r"position is in '.*' .*, but position_unit is 'rad': pass position_unit='deg'"
+        DataError,
+        match=r"position is in '.*' .*, but position_unit is 'rad': pass position_unit='deg'",
     ):
         read_trial(tmp_path / "a.h5")
     assert_signals(read_trial(tmp_path / "a.h5", position_unit="deg"), rtol=1e-15)
@@ -216,13 +230,17 @@ def test_units_in_unusual_forms_are_not_taken_for_rad(tmp_path, attributes, show
     if shown is None:
         assert_signals(read_trial(tmp_path / "a.h5"))
         return
-    with pytest.raises(DataError, match=rf"a.h5: position is in .*{re.escape(shown)}.* according to the file"):
+    with pytest.raises(
+        DataError, match=rf"a.h5: position is in .*{re.escape(shown)}.* according to the file"
+    ):
         read_trial(tmp_path / "a.h5")
 
 
 def test_attributes_record_the_options(tmp_path):
     path = write_csv(tmp_path / "a.csv", angle=np.rad2deg(P))
-    trial = read_trial(path, position="angle", position_unit="deg", position_sign=-1, torque_sign=-1)
+    trial = read_trial(
+        path, position="angle", position_unit="deg", position_sign=-1, torque_sign=-1
+    )
     assert trial.attrs == {
         "sampling_rate": RATE,
         "source": "a.csv",
@@ -273,13 +291,20 @@ def test_further_variables(tmp_path):
     """They keep their numbers and their unit, whatever the position has."""
     position, torque = np.sin(np.arange(50.0)), np.cos(np.arange(50.0))
     with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.update({"angle": position, "torque": torque, "knee": 30.0 + position, "emg": torque**2})
+        file.update(
+            {"angle": position, "torque": torque, "knee": 30.0 + position, "emg": torque**2}
+        )
         file["knee"].attrs["units"] = "degrees of the knee"
     options = {"position_unit": "deg", "position_sign": -1, "sampling_rate": 100.0}
-    trial = read_trial(tmp_path / "a.h5", variables={"knee_angle": "knee", "activity": "emg"}, **options)
+    trial = read_trial(
+        tmp_path / "a.h5", variables={"knee_angle": "knee", "activity": "emg"}, **options
+    )
     np.testing.assert_allclose(trial["position"], -np.deg2rad(position))
     np.testing.assert_allclose(trial["knee_angle"], 30.0 + position)
-    assert [trial[name].attrs["units"] for name in ("knee_angle", "activity")] == ["degrees of the knee", ""]
+    assert [trial[name].attrs["units"] for name in ("knee_angle", "activity")] == [
+        "degrees of the knee",
+        "",
+    ]
     assert trial.attrs["knee_angle_variable"] == "knee"
     with pytest.raises(DataError, match="hip"):
         read_trial(tmp_path / "a.h5", variables={"hip_angle": "hip"}, **options)

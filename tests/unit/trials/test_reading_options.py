@@ -24,4 +24,8 @@ def test_factors(unit, sign):
 def test_further_variables(value):
     options = ReadingOptions.parse("trial.csv", variables=value)
     assert options.variables == {"ankle_angle": "group/angle", "emg": "EMG"}
-    assert options.factor("ankle_angle") == ReadingOptions(position_unit="deg", position_sign=-1).factor("emg") == 1.0
+    assert (
+        options.factor("ankle_angle")
+        == ReadingOptions(position_unit="deg", position_sign=-1).factor("emg")
+        == 1.0
+    )

@@ -77,7 +77,10 @@ def test_a_crash_refuses_the_file_and_no_other(tmp_path):
     bad.write_bytes(content)
     for _ in range(2):
         assert_reads(good)
-        with pytest.raises(DataError, match=r"^bad.mat: not a readable .mat file \(.*: check that the file is whole"):
+        with pytest.raises(
+            DataError,
+            match=r"^bad.mat: not a readable .mat file \(.*: check that the file is whole",
+        ):
             read_trial(bad)
     assert_reads(good)
 
@@ -85,7 +88,10 @@ def test_a_crash_refuses_the_file_and_no_other(tmp_path):
 def test_a_slow_disk_says_nothing_about_the_file(tmp_path, replace_reader, monkeypatch):
     monkeypatch.setattr(reading_process, "SECONDS", 0.02)
     replace_reader("time.sleep(600)")
-    with pytest.raises(ResourceError, match=r"^a.mat: it was not read in time: the computer is busy, or the disk slow"):
+    with pytest.raises(
+        ResourceError,
+        match=r"^a.mat: it was not read in time: the computer is busy, or the disk slow",
+    ):
         read_trial(write_mat(tmp_path / "a.mat"))
 
 
@@ -108,9 +114,14 @@ def test_a_failure_refuses_the_file_and_no_other(tmp_path, replace_reader, monke
     monkeypatch.setattr(reading_process, "SECONDS", 0.5)
     bad, good = write_mat(tmp_path / "a.mat"), write_mat(tmp_path / "b.mat")
     assert_reads(good)
-    with pytest.raises(DataError, match=rf"^a.mat: not a readable .mat file \({FAILURES[statement]}\): it is"):
+    with pytest.raises(
+        DataError, match=rf"^a.mat: not a readable .mat file \({FAILURES[statement]}\): it is"
+    ):
         read_trial(bad)
-    with pytest.raises(DataError, match=rf"{bad}: not a readable .* \({FAILURES[statement]}\): it is damaged, or of"):
+    with pytest.raises(
+        DataError,
+        match=rf"{bad}: not a readable .* \({FAILURES[statement]}\): it is damaged, or of",
+    ):
         load_estimate(bad)
     assert_reads(good)
 
@@ -119,7 +130,9 @@ def test_a_reader_that_the_system_kills_says_nothing_about_the_file(tmp_path, re
     """As where memory is short."""
     replace_reader("os.kill(os.getpid(), 9)")
     for read in (read_trial, load_estimate):
-        with pytest.raises(ResourceError, match=r"a.mat: the process .* was killed \(SIGKILL\), .*: free memory"):
+        with pytest.raises(
+            ResourceError, match=r"a.mat: the process .* was killed \(SIGKILL\), .*: free memory"
+        ):
             read(write_mat(tmp_path / "a.mat"))
 
 
@@ -199,7 +212,9 @@ def test_every_changed_byte_is_noticed_by_this_process(whole, tmp_path, name, mo
         content = bytearray(whole[name])
         content[place] ^= 1 << rng.integers(8)
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(DataError, match=rf"{tmp_path / name}: .* \(its checksum is wrong: bytes have changed"):
+        with pytest.raises(
+            DataError, match=rf"{tmp_path / name}: .* \(its checksum is wrong: bytes have changed"
+        ):
             READERS[name](tmp_path / name)
 
 
@@ -233,7 +248,9 @@ def test_samples_in_other_files_are_refused(tmp_path):
         file.create_dataset("external", (300,), "f8", external=[(str(tmp_path / "a.raw"), 0, 2400)])
         file["torque"] = TQ
     for name in ("position", "external"):
-        with pytest.raises(DataError, match=rf"a.nc: the samples of {name} are in other files: copy"):
+        with pytest.raises(
+            DataError, match=rf"a.nc: the samples of {name} are in other files: copy"
+        ):
             read_trial(tmp_path / "a.nc", position=name)
 
 

@@ -24,7 +24,9 @@ REFERENCE = 0.02 * np.sign(POSITION + 1e-9)
 
 @pytest.fixture
 def trial():
-    return new_trial(POSITION, TORQUE, RATE, REFERENCE, torque_reflex=TORQUE / 3, seed=7, subject="S1")
+    return new_trial(
+        POSITION, TORQUE, RATE, REFERENCE, torque_reflex=TORQUE / 3, seed=7, subject="S1"
+    )
 
 
 # --- new_trial
@@ -60,7 +62,17 @@ def test_units(name, unit):
 
 
 def test_attributes_have_types_of_netcdf():
-    trial = new_trial(POSITION, TORQUE, RATE, a=np.float32(0.5), b=np.int8(3), c=True, d=None, e=np.array(2.0), f="x")
+    trial = new_trial(
+        POSITION,
+        TORQUE,
+        RATE,
+        a=np.float32(0.5),
+        b=np.int8(3),
+        c=True,
+        d=None,
+        e=np.array(2.0),
+        f="x",
+    )
     attributes = {name: value for name, value in trial.attrs.items() if name != "sampling_rate"}
     assert attributes == {"a": 0.5, "b": 3, "c": 1, "e": 2.0, "f": "x"}
     assert {type(value) for value in attributes.values()} == {int, float, str}
@@ -68,7 +80,9 @@ def test_attributes_have_types_of_netcdf():
 
 @pytest.mark.parametrize("value", [1j, {}, 2**70, b"bytes"])
 def test_attributes_of_other_types_are_refused(value):
-    with pytest.raises(DataError, match=r"the attribute setting is .*: pass a string, a float or a 64-bit integer"):
+    with pytest.raises(
+        DataError, match=r"the attribute setting is .*: pass a string, a float or a 64-bit integer"
+    ):
         new_trial(POSITION, TORQUE, RATE, setting=value)
 
 
@@ -145,7 +159,9 @@ def test_invalid_trial_is_not_saved(trial, tmp_path):
 @pytest.mark.parametrize("content", [b"", b"not a netcdf file", b"\x89HDF\r\n\x1a\n" + bytes(100)])
 def test_loading_other_formats(tmp_path, content):
     (tmp_path / "trial.nc").write_bytes(content)
-    with pytest.raises(DataError, match=r"trial.nc: not a readable NetCDF-4 file .*write it with save_trial"):
+    with pytest.raises(
+        DataError, match=r"trial.nc: not a readable NetCDF-4 file .*write it with save_trial"
+    ):
         load_trial(tmp_path / "trial.nc")
 
 

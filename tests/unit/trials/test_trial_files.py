@@ -10,7 +10,9 @@ INDEX = [("a", k) for k in range(5)]
 def make_trials(count=3, samples=50, **attributes):
     rng = np.random.default_rng(0)
     return [
-        new_trial(*(0.01 * rng.standard_normal((2, samples))), 100.0, subject="S1", number=k, **attributes)
+        new_trial(
+            *(0.01 * rng.standard_normal((2, samples))), 100.0, subject="S1", number=k, **attributes
+        )
         for k in range(count)
     ]
 
@@ -27,7 +29,10 @@ def test_trials_of_several_points_in_one_file(tmp_path):
     trials, index = make_trials(4), [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
     save_trials(trials, tmp_path / "trials.nc", index)
     assert [row[:2] for row in load_rows(tmp_path / "trials.nc")] == index
-    assert [row[:2] for row in load_rows(tmp_path / "trials.nc", {"b": (0, 2), "a": (1, 2)})] == [*index[2:], index[1]]
+    assert [row[:2] for row in load_rows(tmp_path / "trials.nc", {"b": (0, 2), "a": (1, 2)})] == [
+        *index[2:],
+        index[1],
+    ]
     for trial, (point, number) in zip(trials, index, strict=True):
         loaded = load_trial_of([tmp_path / "trials.nc"], point, number)
         np.testing.assert_array_equal(loaded["torque"], trial["torque"])
@@ -42,7 +47,9 @@ def test_a_point_whose_trials_are_in_several_files(tmp_path):
     for number, trial in enumerate(trials):
         np.testing.assert_array_equal(load_trial_of(paths, "a", number)["torque"], trial["torque"])
     for point, number in (("a", 5), ("b", 0)):
-        with pytest.raises(DataError, match=f"no trial file has trial {number} of the point '{point}'"):
+        with pytest.raises(
+            DataError, match=f"no trial file has trial {number} of the point '{point}'"
+        ):
             load_trial_of(paths, point, number)
 
 
@@ -70,7 +77,10 @@ def test_constant_signals_take_a_number_for_each_trial(tmp_path):
 
 
 def test_attributes_in_which_trials_differ_keep_their_values_and_types(tmp_path):
-    trials = [trial.assign_attrs(gain=gain) for trial, gain in zip(make_trials(3), (2, 2.0, 3), strict=True)]
+    trials = [
+        trial.assign_attrs(gain=gain)
+        for trial, gain in zip(make_trials(3), (2, 2.0, 3), strict=True)
+    ]
     trials[2].attrs.pop("subject")
     save_trials(trials, tmp_path / "trials.nc", INDEX[:3])
     for before, after in zip(trials, load_trials(tmp_path / "trials.nc"), strict=True):

@@ -19,7 +19,9 @@ REFERENCE = 0.02 * np.sign(POSITION + 1e-9)
 
 @pytest.fixture
 def trial():
-    return new_trial(POSITION, TORQUE, RATE, REFERENCE, torque_reflex=TORQUE / 3, seed=7, subject="S1")
+    return new_trial(
+        POSITION, TORQUE, RATE, REFERENCE, torque_reflex=TORQUE / 3, seed=7, subject="S1"
+    )
 
 
 @pytest.mark.parametrize("name", ["position", "reference", "torque_reflex"])
@@ -35,7 +37,9 @@ def test_samples_must_be_finite(trial, name, value):
 @pytest.mark.parametrize("noise", [0.0, 1e-16])
 def test_constant_channels_are_refused(trial, name, noise):
     trial[name][:] = 0.5 + noise * np.random.default_rng(0).standard_normal(500)
-    with pytest.raises(DataError, match=rf"^x: {name} is constant \(0.5 at all 500 samples\): check the channel"):
+    with pytest.raises(
+        DataError, match=rf"^x: {name} is constant \(0.5 at all 500 samples\): check the channel"
+    ):
         validate(trial, source="x")
 
 
@@ -53,14 +57,22 @@ def test_position_noise_is_accepted(rate):
 
 
 @settings(max_examples=50)
-@given(hnp.arrays(float, st.integers(2, 40), elements=st.floats(-1.0, 1.0)), st.sampled_from([100.0, 700.0, 1000.0]))
+@given(
+    hnp.arrays(float, st.integers(2, 40), elements=st.floats(-1.0, 1.0)),
+    st.sampled_from([100.0, 700.0, 1000.0]),
+)
 def test_peak_speed_is_the_largest_difference_of_means(position, rate):
     half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
     speeds = {k: abs(position[k] - position[k - 1]) * rate for k in range(1, position.size)}
     if half:
         inside = range(half, position.size - half)
-        means = {k: (position[k + 1 : k + half + 1].mean(), position[k - half : k].mean()) for k in inside}
-        speeds = {k: abs(after - before) / (half + 1) * rate for k, (after, before) in means.items()}
+        means = {
+            k: (position[k + 1 : k + half + 1].mean(), position[k - half : k].mean())
+            for k in inside
+        }
+        speeds = {
+            k: abs(after - before) / (half + 1) * rate for k, (after, before) in means.items()
+        }
     sample, speed = peak_speed(position, rate)
     assert speed == pytest.approx(max(speeds.values()), abs=1e-9)
     assert speed == 0.0 or speeds[sample] == pytest.approx(speed, abs=1e-9)
@@ -73,7 +85,10 @@ def test_peak_speed_is_the_largest_difference_of_means(position, rate):
             lambda t: t.assign(position=t.position.astype("float32")),
             "position is of type float32 .*, not one float64 for each time: make",
         ),
-        (lambda t: {"position": POSITION}, "a trial is an xarray.Dataset, not dict: make it with new_trial"),
+        (
+            lambda t: {"position": POSITION},
+            "a trial is an xarray.Dataset, not dict: make it with new_trial",
+        ),
     ],
     ids=["type", "mapping"],
 )
@@ -101,8 +116,14 @@ def _with_time(trial, time):
             lambda t: np.where(np.arange(500) < 300, t, t - 0.001),
             r"irregular at sample 300 \(0.299 s\): it steps by 0 s",
         ),
-        (lambda t: np.where(np.arange(500) == 300, t + 4e-5, t), r"irregular at sample 300 \(0.30004 s\)"),
-        (lambda t: np.where(np.arange(500) == 300, np.nan, t), r"time is not finite at sample 300: repair"),
+        (
+            lambda t: np.where(np.arange(500) == 300, t + 4e-5, t),
+            r"irregular at sample 300 \(0.30004 s\)",
+        ),
+        (
+            lambda t: np.where(np.arange(500) == 300, np.nan, t),
+            r"time is not finite at sample 300: repair",
+        ),
         (lambda t: t[::-1], "irregular at sample 1 "),
         (lambda t: 2 * t, r"stated as 1000 Hz, but time runs at 500 Hz: correct the one"),
     ],
@@ -122,7 +143,13 @@ def test_time_in_single_precision_is_regular():
 @pytest.mark.parametrize("name", ["torque", "reference"])
 def test_numbers_that_no_joint_has_are_refused(factor, name):
     phase = np.arange(100) / 10
-    channels = {"position": 0.02 * np.sin(phase), "torque": np.cos(phase), "reference": np.sin(phase)}
+    channels = {
+        "position": 0.02 * np.sin(phase),
+        "torque": np.cos(phase),
+        "reference": np.sin(phase),
+    }
     channels[name] = factor * channels[name]
-    with pytest.raises(DataError, match=rf"{name} (varies by|reaches) .*no channel of a joint does: check its unit"):
+    with pytest.raises(
+        DataError, match=rf"{name} (varies by|reaches) .*no channel of a joint does: check its unit"
+    ):
         new_trial(**channels, sampling_rate=100.0)

@@ -16,9 +16,15 @@ from ankleloop.quantities import QUANTITIES
 
 SIGNIFICANT = 4.5  # standard errors
 ONE_SIDED = ("high-pass", "friction", "compression")  # the opposite is no effect of an instrument
-SMALLEST_SHIFT, LARGEST_SHIFT = 0.01, 0.2  # of a parameter: less is not told, more is no matter of its interval
+SMALLEST_SHIFT, LARGEST_SHIFT = (
+    0.01,
+    0.2,
+)  # of a parameter: less is not told, more is no matter of its interval
 ROUNDS = 3  # fits of an effect
-STRETCH_DELAY = (QUANTITIES["delay"].plausible[0], 0.1)  # s, of a stretch reflex; somewhat longer ones are warned about
+STRETCH_DELAY = (
+    QUANTITIES["delay"].plausible[0],
+    0.1,
+)  # s, of a stretch reflex; somewhat longer ones are warned about
 POLE = 100.0  # rad/s, where the search for a third one begins
 
 # What an effect is called with its size, and what to do.
@@ -26,10 +32,22 @@ EFFECTS = {
     "delay": ("a reflex delay of {:.3g} ms", "give no delay, so that it is estimated"),
     "order": ("a third pole of the reflex at {:.3g} rad/s", "take order=3"),
     "lag": ("a torque recorded {:.2g} ms {} the position", "record both through equal filters"),
-    "high-pass": ("a high-pass of {:.2g} Hz in the torque", "record without AC coupling or removal of drift"),
-    "friction": ("a friction of {:.2g} N·m", "measure the friction of the bearing, and subtract it"),
-    "direction": ("a reflex gain of {:.3g} N·m·s/rad in the other direction", "turn all signs if they are reversed"),
-    "compression": ("a torque that is flat where it is large", "widen the range of the torque sensor"),
+    "high-pass": (
+        "a high-pass of {:.2g} Hz in the torque",
+        "record without AC coupling or removal of drift",
+    ),
+    "friction": (
+        "a friction of {:.2g} N·m",
+        "measure the friction of the bearing, and subtract it",
+    ),
+    "direction": (
+        "a reflex gain of {:.3g} N·m·s/rad in the other direction",
+        "turn all signs if they are reversed",
+    ),
+    "compression": (
+        "a torque that is flat where it is large",
+        "widen the range of the torque sensor",
+    ),
 }
 FACTORS = {"delay": 1e3, "lag": 1e3, "high-pass": 0.5 / np.pi}  # to the unit of this text
 
@@ -46,7 +64,9 @@ class Alternative:
     @property
     def text(self) -> str:
         """The effect in words."""
-        size = FACTORS.get(self.effect, 1.0) * (abs(self.value) if self.effect == "lag" else self.value)
+        size = FACTORS.get(self.effect, 1.0) * (
+            abs(self.value) if self.effect == "lag" else self.value
+        )
         return EFFECTS[self.effect][0].format(size, "after" if self.value > 0.0 else "before")
 
     @property
@@ -73,7 +93,9 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
     for name in shown[0].shifts.keys() & estimate.intervals.keys():
         (low, high), moved = estimate.intervals[name], values[name] * (1.0 + shown[0].shifts[name])
         estimate.intervals[name] = min(low, moved), max(high, moved)
-    estimate.diagnostics["alternatives"] = [{"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown]
+    estimate.diagnostics["alternatives"] = [
+        {"effect": a.text, "score": a.score, "shifts": a.shifts} for a in shown
+    ]
     least, most = QUANTITIES["delay"].plausible
     for a in shown:
         if a.largest_shift > LARGEST_SHIFT or (a.effect == "delay" and not least < a.value < most):
@@ -87,7 +109,11 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
 
 def compute_shifts(first: Mapping[str, float], second: Mapping[str, float]) -> dict[str, float]:
     """How far K, B, I and G move from some values to others, over what they were; those that both have."""
-    return {name: second[name] / first[name] - 1.0 for name in "KBIG" if first.get(name) and name in second}
+    return {
+        name: second[name] / first[name] - 1.0
+        for name in "KBIG"
+        if first.get(name) and name in second
+    }
 
 
 def format_shifts(shifts: Mapping[str, float]) -> str:
@@ -108,7 +134,9 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     if "delay" not in p.delays and solution.point.movement_p < INCOMPLETE:
         alternatives += _free_unknown("delay", solution, replace(p, delays=("delay",)))
         if p.dynamics.pole is None:  # a third pole and a free delay are nearly the same
-            alternatives += _free_unknown("order", solution, replace(p, dynamics=replace(p.dynamics, pole=POLE)))
+            alternatives += _free_unknown(
+                "order", solution, replace(p, dynamics=replace(p.dynamics, pole=POLE))
+            )
     return alternatives
 
 
@@ -119,13 +147,19 @@ def _free_effect(effect: str, solution: Search) -> Alternative:
     found = Alternative(effect, step, step / error, {})
     if not found.significant:
         return found
-    for number in range(1 if effect == "compression" else ROUNDS):  # a cube is but the direction of a saturation
+    for number in range(
+        1 if effect == "compression" else ROUNDS
+    ):  # a cube is but the direction of a saturation
         rows = _rows(effect, freed.point, origin)
         value += _step(freed, *rows)[0] if number else step
         equations, lead = copy(origin), np.exp(origin.band.s * value)
-        equations.torque = origin.torque * lead if effect == "lag" else origin.torque - value * rows[0]
+        equations.torque = (
+            origin.torque * lead if effect == "lag" else origin.torque - value * rows[0]
+        )
         freed = solve(equations, freed.point.parameters)
-    return replace(found, value=value, shifts=compute_shifts(solution.point.values, freed.point.values))
+    return replace(
+        found, value=value, shifts=compute_shifts(solution.point.values, freed.point.values)
+    )
 
 
 def _rows(effect: str, point: Point, origin: Equations) -> np.ndarray:
@@ -140,7 +174,9 @@ def _rows(effect: str, point: Point, origin: Equations) -> np.ndarray:
     if effect == "high-pass":
         return -np.stack([origin.torque, predicted]) / s
     if effect == "compression":
-        torques = np.stack([e.regressors.torque - e.regressors.torque.mean(), band.signals(predicted)])
+        torques = np.stack(
+            [e.regressors.torque - e.regressors.torque.mean(), band.signals(predicted)]
+        )
         return -band.transform(torques**2 * torques)
     if effect == "friction":
         return band.transform(np.sign([e.regressors.inputs[:, 1], e.predicted_inputs[:, 1]]))
@@ -152,18 +188,36 @@ def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tu
     """Step of the size of an effect that solves the equations with it, and the standard error of the size."""
     point, free = solution.point, solution.free
     weighted = np.vstack([point.weighted[free], instrument.conj() / point.level])
-    inverse = solve_scaled(np.real(weighted @ np.vstack([point.regressors[free], regressor]).T), np.eye(len(weighted)))
-    scatter = 0.5 * point.equations.band.correlation * np.real((weighted * point.noise) @ weighted.conj().T)
-    return float(inverse[-1] @ np.real(weighted @ point.residual)), float(np.sqrt(inverse[-1] @ scatter @ inverse[-1]))
+    inverse = solve_scaled(
+        np.real(weighted @ np.vstack([point.regressors[free], regressor]).T), np.eye(len(weighted))
+    )
+    scatter = (
+        0.5
+        * point.equations.band.correlation
+        * np.real((weighted * point.noise) @ weighted.conj().T)
+    )
+    return float(inverse[-1] @ np.real(weighted @ point.residual)), float(
+        np.sqrt(inverse[-1] @ scatter @ inverse[-1])
+    )
 
 
 def _free_unknown(effect: str, solution: Search, start: Parameters) -> list[Alternative]:
     """The solution from a start that has the delay or a third pole as an unknown, where there is one."""
     freed = solve(solution.equations, start)
     point, (shortest, longest) = freed.point, STRETCH_DELAY
-    values, shift, name = point.values, point.parameters.shift, "delay" if effect == "delay" else "pole"
-    if not freed.converged or name in freed.held or not (name == "pole" or shortest < values["delay"] < longest):
+    values, shift, name = (
+        point.values,
+        point.parameters.shift,
+        "delay" if effect == "delay" else "pole",
+    )
+    if (
+        not freed.converged
+        or name in freed.held
+        or not (name == "pole" or shortest < values["delay"] < longest)
+    ):
         return []
-    error = float(np.sqrt(point.covariance(freed.free)[-1, -1]))  # that of the time constant of a pole
+    error = float(
+        np.sqrt(point.covariance(freed.free)[-1, -1])
+    )  # that of the time constant of a pole
     score = (shift if name == "delay" else 1.0) / error
     return [Alternative(effect, values[name], score, compute_shifts(solution.point.values, values))]

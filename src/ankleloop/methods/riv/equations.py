@@ -15,8 +15,13 @@ from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.spectra import Band, pass_band
 
 NOISE_RESOLUTION = 0.4  # Hz
-DELAY_LIMITS = (0.015, 0.15)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
-FASTEST_POLE = 20.0  # of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
+DELAY_LIMITS = (
+    0.015,
+    0.15,
+)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
+FASTEST_POLE = (
+    20.0  # of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
+)
 NO_POLE = 100.0  # of that limit: a third pole that is held there is none
 INCOMPLETE = 0.01  # probability of a residual that depends as much on the movement, if the model were complete
 REACH = 0.5  # s within which a residual may depend on the movement
@@ -30,7 +35,9 @@ DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unkno
 class Parameters:
     """Parameters of a model: linear ones, the dynamics behind some of them, and delays."""
 
-    linear: np.ndarray  # shape (k,): K, B, I and the coefficients of basis functions, or those of splines of them
+    linear: (
+        np.ndarray
+    )  # shape (k,): K, B, I and the coefficients of basis functions, or those of splines of them
     dynamics: ReflexDynamics  # dynamics of the reflex
     shift: float = 0.0  # delay of the reflex less that of the inputs [s]
     lag: float = 0.0  # lag of the torque channel behind the position [s]
@@ -43,15 +50,21 @@ class Parameters:
 
     def add(self, step: np.ndarray) -> Parameters:
         """Parameters after a step of all unknowns."""
-        linear, dynamics, late = np.split(step, np.cumsum([self.linear.size, len(self.dynamics.values)]))
+        linear, dynamics, late = np.split(
+            step, np.cumsum([self.linear.size, len(self.dynamics.values)])
+        )
         steps = dict(zip(self.delays, late.tolist(), strict=True))
         shift, lag = self.shift + steps.get("delay", 0.0), self.lag + steps.get("torque_lag", 0.0)
-        return Parameters(self.linear + linear, self.dynamics.scale(dynamics), shift, lag, self.delays)
+        return Parameters(
+            self.linear + linear, self.dynamics.scale(dynamics), shift, lag, self.delays
+        )
 
     def limit_delay(self, delay: float) -> Parameters:
         """Parameters whose delay, if it is an unknown, is that of a stretch reflex, by the delay of the inputs."""
         low, high = (limit - delay for limit in DELAY_LIMITS)
-        return replace(self, shift=min(max(self.shift, low), high)) if "delay" in self.delays else self
+        return (
+            replace(self, shift=min(max(self.shift, low), high)) if "delay" in self.delays else self
+        )
 
     def responses(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Response of the reflex with its shift of the delay, and its derivatives with respect to its unknowns."""
@@ -64,7 +77,9 @@ class Parameters:
 
     def torque(self, motion: np.ndarray, drive: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Torque of inputs that act at once and of those of the dynamics, shapes (..., frequencies)."""
-        return self.linear[: len(motion)] @ motion + self.responses(s)[0] * (self.linear[len(motion) :] @ drive)
+        return self.linear[: len(motion)] @ motion + self.responses(s)[0] * (
+            self.linear[len(motion) :] @ drive
+        )
 
     def differentiate(self, motion: np.ndarray, drive: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Derivatives of that torque with respect to all unknowns, shape (unknowns, frequencies)."""
@@ -81,11 +96,17 @@ class Point:
     def __init__(self, equations: Equations, parameters: Parameters) -> None:
         e, p, linear = equations, parameters, parameters.linear
         self.equations, self.parameters = e, p
-        self.names = (*"KBI", *(f"c{k}" for k in range(1, linear.size - MOTION + 1)), *p.unknowns)  # of all unknowns
+        self.names = (
+            *"KBI",
+            *(f"c{k}" for k in range(1, linear.size - MOTION + 1)),
+            *p.unknowns,
+        )  # of all unknowns
         self.path = ReflexPath(e.regressors.basis, linear[MOTION:], p.dynamics)
         # Whether a pole of the second-order part is so fast that it cannot be told from a delay.
         omega_n, zeta = p.dynamics.omega_n, p.dynamics.zeta
-        self.pole_out_of_band = bool(omega_n * (zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))) > e.pole_limit)
+        self.pole_out_of_band = bool(
+            omega_n * (zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))) > e.pole_limit
+        )
         # Derivatives of the torque with respect to the unknowns, by the measured inputs and by the predicted ones, both
         # of shape (unknowns, frequencies).
         self.regressors = e.differentiate(e.measured, p)
@@ -94,7 +115,9 @@ class Point:
         # weights are the inverse of.
         self.residual = e.torque - linear @ self.regressors[: linear.size]
         self.noise = e.smooth_power(self.residual)
-        self.level = self.noise if e.weighting == "noise" else np.full(self.noise.size, self.noise.mean())
+        self.level = (
+            self.noise if e.weighting == "noise" else np.full(self.noise.size, self.noise.mean())
+        )
         self.weighted = self.instruments.conj() / self.level
         # Left side of the equations, zero at their solution; minus its slope for fixed weights and instruments; and
         # products of the instruments.
@@ -102,13 +125,21 @@ class Point:
         self.normal = np.real(self.weighted @ self.regressors.T)
         self.information = np.real(self.weighted @ self.instruments.T)
         # Covariance of the left side where noise of this spectrum is all that is left; each frequency counts twice.
-        self.scatter = 0.5 * e.band.correlation * np.real((self.weighted * self.noise) @ self.weighted.conj().T)
+        self.scatter = (
+            0.5
+            * e.band.correlation
+            * np.real((self.weighted * self.noise) @ self.weighted.conj().T)
+        )
 
     @property
     def values(self) -> dict[str, float]:
         """K, B, I, delay and the parameters of the reflex, by name."""
         stiffness = dict(zip("KBI", self.parameters.linear[:MOTION].tolist(), strict=True))
-        return {**stiffness, "delay": self.equations.delay + self.parameters.shift, **self.path.parameters}
+        return {
+            **stiffness,
+            "delay": self.equations.delay + self.parameters.shift,
+            **self.path.parameters,
+        }
 
     def merit(self, free: np.ndarray) -> float:
         """Size of the left side of some unknowns over its standard deviation, squared: a χ² at the true parameters."""
@@ -125,7 +156,12 @@ class Point:
         """
         select = np.ix_(free, free)
         inverse = solve_scaled(self.normal[select], np.eye(free.size))
-        return (1.0 + 2.0 * self.equations.smoothing_variance) * inverse @ self.scatter[select] @ inverse.T
+        return (
+            (1.0 + 2.0 * self.equations.smoothing_variance)
+            * inverse
+            @ self.scatter[select]
+            @ inverse.T
+        )
 
     @cached_property
     def movement_p(self) -> float:
@@ -145,7 +181,9 @@ class Point:
         probabilities = []
         for signal in (e.predicted[0], drive):
             cross = np.zeros(first + count + 1, dtype=complex)
-            cross[first:-1] = residual * signal.conj() / np.sqrt(band.smooth(np.abs(signal) ** 2, WHITENING))
+            cross[first:-1] = (
+                residual * signal.conj() / np.sqrt(band.smooth(np.abs(signal) ** 2, WHITENING))
+            )
             products = 0.5 * size * np.fft.irfft(cross, size)[np.arange(-reach, reach + 1)]
             energy = np.sum(products**2) / (0.5 * count * band.correlation)
             probabilities.append(special.chdtrc(products.size, energy))
@@ -159,8 +197,12 @@ class Point:
         the left side of the equations, but for the smoothing of weights.
         """
         e, linear = self.equations, self.parameters.linear
-        remainder = self.residual if e.open_loop else e.torque - linear @ self.instruments[: linear.size]
-        power = e.smooth_power(remainder) if e.weighting == "noise" else np.mean(np.abs(remainder) ** 2)
+        remainder = (
+            self.residual if e.open_loop else e.torque - linear @ self.instruments[: linear.size]
+        )
+        power = (
+            e.smooth_power(remainder) if e.weighting == "noise" else np.mean(np.abs(remainder) ** 2)
+        )
         return float(2.0 / e.band.correlation * remainder.size * np.mean(np.log(power)))
 
     @cached_property
@@ -170,13 +212,17 @@ class Point:
         linear, target = p.linear.size, self.residual / self.level
         # Instruments are the slopes of a torque, so their slopes are symmetric.
         for k, step in enumerate(DIFFERENCE * np.eye(len(slope))[linear:], linear):
-            ahead, behind = (e.differentiate(e.predicted, p.add(sign * step)) for sign in (1.0, -1.0))
+            ahead, behind = (
+                e.differentiate(e.predicted, p.add(sign * step)) for sign in (1.0, -1.0)
+            )
             change = np.real((ahead - behind).conj() @ target) / (2.0 * DIFFERENCE)
             slope[:, k] -= change
             slope[k, :linear] -= change[:linear]
         if e.weighting == "noise":
             products = np.real(self.residual.conj() * self.regressors)
-            noise_slopes = -2.0 * np.array([e.band.smooth(row, NOISE_RESOLUTION) for row in products])
+            noise_slopes = -2.0 * np.array(
+                [e.band.smooth(row, NOISE_RESOLUTION) for row in products]
+            )
             slope += np.real(self.weighted * self.residual) / self.level @ noise_slopes.T
         return slope
 
@@ -189,13 +235,19 @@ class Equations:
         self.delay = float(regressors.delay)
         self.band = pass_band(regressors.torque.size, regressors.rate)
         # Variance of the smoothed spectrum over its square; zero for flat weights.
-        self.smoothing_variance = self.band.smoothing_variance(NOISE_RESOLUTION) if weighting == "noise" else 0.0
-        self.pole_limit = FASTEST_POLE * self.band.highest  # from which on a pole cannot be told from a delay [rad/s]
+        self.smoothing_variance = (
+            self.band.smoothing_variance(NOISE_RESOLUTION) if weighting == "noise" else 0.0
+        )
+        self.pole_limit = (
+            FASTEST_POLE * self.band.highest
+        )  # from which on a pole cannot be told from a delay [rad/s]
         self.torque = self.band.transform(regressors.torque)
         self.measured = self.band.transform(regressors.inputs.T)
         self.predicted_inputs = trial.predict_inputs(regressors)
         self.open_loop = self.predicted_inputs is regressors.inputs
-        self.predicted = self.measured if self.open_loop else self.band.transform(self.predicted_inputs.T)
+        self.predicted = (
+            self.measured if self.open_loop else self.band.transform(self.predicted_inputs.T)
+        )
 
     def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
         """Smoothed periodogram, shape (frequencies,)."""
@@ -211,16 +263,24 @@ class Equations:
         limited = parameters.limit_delay(self.delay)
         names = set() if limited.shift == parameters.shift else {"delay"}
         if (parameters.dynamics.pole or 0.0) >= self.pole_limit:
-            limited = replace(limited, dynamics=replace(limited.dynamics, pole=NO_POLE * self.pole_limit))
+            limited = replace(
+                limited, dynamics=replace(limited.dynamics, pole=NO_POLE * self.pole_limit)
+            )
             names.add("pole")
         return limited, names
 
     def find_start(self, order: int, *, estimate_delay: bool) -> Parameters:
         """Best of a grid of dynamics for the predicted position, a fit to the torque that it explains."""
-        shifts, responses, delays = make_grid(self.band, order, self.delay if estimate_delay else None)
-        linear, best, residual = fit_grid(self.predicted, self.torque, responses, delays, np.ones(self.torque.size))
+        shifts, responses, delays = make_grid(
+            self.band, order, self.delay if estimate_delay else None
+        )
+        linear, best, residual = fit_grid(
+            self.predicted, self.torque, responses, delays, np.ones(self.torque.size)
+        )
         if self.weighting == "noise":
-            linear, best, _ = fit_grid(self.predicted, self.torque, responses, delays, self.smooth_power(residual))
+            linear, best, _ = fit_grid(
+                self.predicted, self.torque, responses, delays, self.smooth_power(residual)
+            )
         number, late = divmod(best, shifts.size)
         shift = float(shifts[late])
         return Parameters(linear, GRIDS[order][number], shift, delays=("delay",) * estimate_delay)
@@ -229,12 +289,16 @@ class Equations:
 def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve normal equations whose unknowns differ in unit; directions without information get zero."""
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), np.finfo(float).tiny))
-    solution = np.linalg.lstsq(normal * (scale[:, None] * scale), (right.T * scale).T, rcond=SINGULAR)[0]
+    solution = np.linalg.lstsq(
+        normal * (scale[:, None] * scale), (right.T * scale).T, rcond=SINGULAR
+    )[0]
     return (solution.T * scale).T
 
 
 @lru_cache(maxsize=2)
-def make_grid(band: Band, order: int, delay: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def make_grid(
+    band: Band, order: int, delay: float | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Shifts of a delay from which a search may start, responses of the dynamics from which it may, and of the shifts.
 
     Shapes: returns shifts (D,), responses (R, F), delays (D, F).
@@ -244,7 +308,11 @@ def make_grid(band: Band, order: int, delay: float | None) -> tuple[np.ndarray, 
 
 
 def fit_grid(
-    inputs: np.ndarray, torque: np.ndarray, responses: np.ndarray, delays: np.ndarray, noise: np.ndarray
+    inputs: np.ndarray,
+    torque: np.ndarray,
+    responses: np.ndarray,
+    delays: np.ndarray,
+    noise: np.ndarray,
 ) -> tuple[np.ndarray, int, np.ndarray]:
     """Linear parameters of the best filter of the reflex, its number, and what it leaves of the torque.
 
@@ -258,12 +326,18 @@ def fit_grid(
     weighted = motion.conj() / noise
     normal = np.empty((size, MOTION + k, MOTION + k))
     normal[:, :MOTION, :MOTION] = np.real(weighted @ motion.T)
-    rows = np.vstack([(weighted[:, None] * drive).reshape(MOTION * k, -1), drive * torque.conj() / noise])
-    products = np.real(responses @ (delays[:, None] * rows).reshape(count * len(rows), -1).T).reshape(size, -1)
+    rows = np.vstack(
+        [(weighted[:, None] * drive).reshape(MOTION * k, -1), drive * torque.conj() / noise]
+    )
+    products = np.real(
+        responses @ (delays[:, None] * rows).reshape(count * len(rows), -1).T
+    ).reshape(size, -1)
     cross, reflex = np.split(products, [MOTION * k], axis=1)
     cross = cross.reshape(-1, MOTION, k)
     normal[:, :MOTION, MOTION:], normal[:, MOTION:, :MOTION] = cross, np.swapaxes(cross, 1, 2)
-    products = np.abs(responses) ** 2 @ np.real(drive.conj()[:, None] * drive / noise).reshape(k * k, -1).T
+    products = (
+        np.abs(responses) ** 2 @ np.real(drive.conj()[:, None] * drive / noise).reshape(k * k, -1).T
+    )
     normal[:, MOTION:, MOTION:] = np.repeat(products, count, axis=0).reshape(-1, k, k)
     right = np.hstack([np.tile(np.real(weighted @ torque), (size, 1)), reflex])
     scale = 1.0 / np.sqrt(np.einsum("gii->gi", normal))

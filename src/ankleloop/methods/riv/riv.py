@@ -16,7 +16,13 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.method import INPUTS, NOMINAL_DELAY, BasisOptions, Method, RefinedOptions
 from ankleloop.methods.riv.alternatives import STRETCH_DELAY, add_alternatives, find_alternatives
-from ankleloop.methods.riv.equations import INCOMPLETE, NOISE_RESOLUTION, Equations, Point, solve_scaled
+from ankleloop.methods.riv.equations import (
+    INCOMPLETE,
+    NOISE_RESOLUTION,
+    Equations,
+    Point,
+    solve_scaled,
+)
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import option
 from ankleloop.signals.vaf import TWO_SIDED
@@ -33,7 +39,8 @@ class RivOptions(RefinedOptions, BasisOptions):
     """Options of refined instrumental variables."""
 
     intervals: Literal["asymptotic", "robust"] | None = option(
-        None, "asymptotic, for a complete model; robust, for an incomplete one; null: as the residual shows"
+        None,
+        "asymptotic, for a complete model; robust, for an incomplete one; null: as the residual shows",
     )
 
 
@@ -99,22 +106,32 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     solution, assumptions = _solve(trial, options, estimate_delay=options.delay is None), []
     if options.delay is None:
         values, (shortest, longest) = solution.point.values, STRETCH_DELAY
-        plausible = solution.converged and shortest < values["delay"] < longest and values["G"] >= 0.0
+        plausible = (
+            solution.converged and shortest < values["delay"] < longest and values["G"] >= 0.0
+        )
         if not (plausible and solution.point.covariance(solution.free)[-1, -1] < CERTAIN_DELAY**2):
-            assumptions = [f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."]
+            assumptions = [
+                f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
+            ]
             solution = _solve(trial, options, estimate_delay=False)
     estimate = _estimate(trial, solution, options, assumptions)
-    return add_alternatives(estimate, find_alternatives(solution)) if solution.converged else estimate
+    return (
+        add_alternatives(estimate, find_alternatives(solution)) if solution.converged else estimate
+    )
 
 
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
-    inputs = options.model_dump(include={*INPUTS, "reference"}) | {"basis": options.basis or "rectifier"}
+    inputs = options.model_dump(include={*INPUTS, "reference"}) | {
+        "basis": options.basis or "rectifier"
+    }
     inputs["delay"] = NOMINAL_DELAY if options.delay is None else options.delay
     equations = Equations(trial, trial.regressors(**inputs), options.weighting)
     return solve(equations, equations.find_start(options.order, estimate_delay=estimate_delay))
 
 
-def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]) -> Estimate:
+def _estimate(
+    trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]
+) -> Estimate:
     """Torques, physical parameters, and their intervals where the search has converged."""
     point, regressors = solution.point, solution.equations.regressors
     parameters, values = point.parameters, point.values
@@ -129,7 +146,9 @@ def _estimate(trial: PreparedTrial, solution: Search, options: RivOptions, assum
         deviations = estimate_deviations(point, covariance, solution.free)
     errors, intervals = estimate_intervals(values, deviations, quantile)
     inputs = ModelInputs.of(regressors, values["delay"])
-    model = PhysicalModel(inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics)
+    model = PhysicalModel(
+        inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics
+    )
     return Estimate(
         method="riv",
         torque=model.simulate(trial, inputs.regressors(trial) if parameters.delays else regressors),
@@ -161,7 +180,9 @@ def _warnings(solution: Search) -> list[str]:
     warnings, order = [], len(solution.point.parameters.dynamics.values)
     if solution.path[-1].pole_out_of_band or "pole" in solution.held:
         fewer = "take order=2" if order == 3 else "its gain or the record is too small for two"
-        warnings.append(f"a pole of the reflex has left the band, so the record does not show {order}: {fewer}.")
+        warnings.append(
+            f"a pole of the reflex has left the band, so the record does not show {order}: {fewer}."
+        )
     if not solution.converged:
         warnings.append(
             f"not converged after {len(solution.path) - 1} iterations: the best one is given, without intervals. "
@@ -186,11 +207,15 @@ def robust_covariance(point: Point, free: np.ndarray) -> tuple[np.ndarray, int]:
     """
     band = point.equations.band
     freedom = max(round(band.samples / band.rate / SEGMENT) - SLOWEST, FEWEST)
-    cosines = dct(time_scores(point)[free], norm="ortho", axis=1)[:, 1 + SLOWEST : 1 + SLOWEST + freedom]
+    cosines = dct(time_scores(point)[free], norm="ortho", axis=1)[
+        :, 1 + SLOWEST : 1 + SLOWEST + freedom
+    ]
     influence = solve_scaled(point.slope[np.ix_(free, free)], cosines)
     independent = 2.0 * point.noise.size / band.correlation
     factor = band.samples / freedom * independent / (independent - free.size)
-    factor *= 1.0 + point.equations.smoothing_variance  # weights follow the residual whose scatter is computed here
+    factor *= (
+        1.0 + point.equations.smoothing_variance
+    )  # weights follow the residual whose scatter is computed here
     return factor * influence @ influence.T, freedom
 
 
@@ -218,7 +243,9 @@ def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) 
     for step in np.diag(0.1 * deviations[reflex]):
         shifted = replace(path, coefficients=path.coefficients + step).rectifier[:2]
         slopes.append((np.array(shifted) - values) / step.sum())
-    gain, threshold = np.sqrt(np.diag(np.transpose(slopes) @ covariance[reflex, reflex] @ slopes)).tolist()
+    gain, threshold = np.sqrt(
+        np.diag(np.transpose(slopes) @ covariance[reflex, reflex] @ slopes)
+    ).tolist()
     names = np.array(point.names)[free].tolist()
     return dict(zip(names, deviations.tolist(), strict=True)) | {"G": gain, "threshold": threshold}
 
@@ -228,7 +255,9 @@ def estimate_intervals(
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     """Standard errors and intervals of parameters, some of which have the deviations of their logarithms."""
     known, intervals = [name for name in values if name in deviations], {}
-    errors = {name: deviations[name] * (values[name] if name in LOGARITHMIC else 1.0) for name in known}
+    errors = {
+        name: deviations[name] * (values[name] if name in LOGARITHMIC else 1.0) for name in known
+    }
     for name, error in errors.items():
         value, margin = values[name], quantile * error
         intervals[name] = value - margin, value + margin

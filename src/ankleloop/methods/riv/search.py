@@ -6,7 +6,12 @@ import numpy as np
 
 from ankleloop.methods.riv.equations import Equations, Parameters, Point, solve_scaled
 
-LARGEST_STEPS = {"omega_n": 0.4, "zeta": 0.4, "pole": 0.4, "delay": 0.01}  # of a logarithm, or s, in one iteration
+LARGEST_STEPS = {
+    "omega_n": 0.4,
+    "zeta": 0.4,
+    "pole": 0.4,
+    "delay": 0.01,
+}  # of a logarithm, or s, in one iteration
 MOST_ITERATIONS = 50
 TOLERANCE = 0.01  # standard errors: the search ends when no parameter moves by more
 GAIN = 1e-3  # least relative gain of the merit, and least gain of the misfit
@@ -98,7 +103,9 @@ class Search:
                 if self._end(step):
                     return True
             else:
-                step = directions @ (side / (np.maximum(np.abs(curvatures), DAMPING) + self.damping))
+                step = directions @ (
+                    side / (np.maximum(np.abs(curvatures), DAMPING) + self.damping)
+                )
             if self._try(step):
                 self.damping = 0.1 * self.damping if self.damping > DAMPING else 0.0
                 return True
@@ -127,7 +134,9 @@ class Search:
     def _full_step(self, slope: np.ndarray) -> np.ndarray:
         """Step of all unknowns that solves the equations if their slope is this one."""
         step = np.zeros(len(self.point.names))
-        step[self.free] = solve_scaled(slope[np.ix_(self.free, self.free)], self.point.side[self.free])
+        step[self.free] = solve_scaled(
+            slope[np.ix_(self.free, self.free)], self.point.side[self.free]
+        )
         return step
 
     def _end(self, step: np.ndarray) -> bool:
@@ -135,7 +144,9 @@ class Search:
 
         It is taken unless it is lost in rounding.
         """
-        if self.merits[-1] > self.free.size * (SOLVED * TOLERANCE) ** 2:  # singular equations can have short steps
+        if (
+            self.merits[-1] > self.free.size * (SOLVED * TOLERANCE) ** 2
+        ):  # singular equations can have short steps
             return False
         errors = np.sqrt(np.diag(self.point.covariance(self.free)))
         if not np.all(np.abs(step[self.free]) <= TOLERANCE * errors):

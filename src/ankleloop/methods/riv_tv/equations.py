@@ -36,23 +36,41 @@ Knots = Annotated[int, Field(ge=1, le=200)]
 class RivTvOptions(RefinedOptions, RectifierOptions):
     """Options of refined instrumental variables for joints that change in time."""
 
-    delay: float | None = option(NOMINAL_DELAY, "reflex delay; null estimates it", unit="s", ge=0, le=1)
+    delay: float | None = option(
+        NOMINAL_DELAY, "reflex delay; null estimates it", unit="s", ge=0, le=1
+    )
     cycle_onsets: tuple[float, ...] | str | None = option(
-        None, "start of every cycle, and end of the last one; or the variable that holds the phase, 0 to 1", unit="s"
+        None,
+        "start of every cycle, and end of the last one; or the variable that holds the phase, 0 to 1",
+        unit="s",
     )
     schedule: str | None = option(
-        None, "scheduling variable of the trial: K, B and G are functions of it; null without cycles: of time"
+        None,
+        "scheduling variable of the trial: K, B and G are functions of it; null without cycles: of time",
     )
-    knots: tuple[Knots, Knots, Knots] = option((12, 8, 12), "numbers of splines of K, B and G; penalties smooth them")
-    inertia_knots: Knots = option(1, "number of splines of I, of a posture or a limb that changes; 1 for a constant")
+    knots: tuple[Knots, Knots, Knots] = option(
+        (12, 8, 12), "numbers of splines of K, B and G; penalties smooth them"
+    )
+    inertia_knots: Knots = option(
+        1, "number of splines of I, of a posture or a limb that changes; 1 for a constant"
+    )
     interpolation: Literal["cubic", "constant"] = option(
-        "cubic", "cubic splines; or values that are constant over equal intervals, as of short segments"
+        "cubic",
+        "cubic splines; or values that are constant over equal intervals, as of short segments",
     )
     torque_lag: float | None = option(
-        0.0, "lag of the torque channel behind the position; null estimates it", unit="s", ge=-0.05, le=0.05
+        0.0,
+        "lag of the torque channel behind the position; null estimates it",
+        unit="s",
+        ge=-0.05,
+        le=0.05,
     )
     rest_position: float | None = option(
-        None, "position at which the elastic torque is zero; null: the mean position", unit="rad", ge=-10, le=10
+        None,
+        "position at which the elastic torque is zero; null: the mean position",
+        unit="rad",
+        ge=-10,
+        le=10,
     )
 
     @field_validator("cycle_onsets", "knots", mode="before")
@@ -60,14 +78,22 @@ class RivTvOptions(RefinedOptions, RectifierOptions):
     def _as_tuple(cls, values: Any) -> Any:
         """Numbers come as lists from YAML, and as arrays from NumPy."""
         values = np.asarray(values) if hasattr(values, "__array__") else values
-        return tuple(map(as_plain, values)) if isinstance(values, (list, tuple, np.ndarray)) else values
+        return (
+            tuple(map(as_plain, values))
+            if isinstance(values, (list, tuple, np.ndarray))
+            else values
+        )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         if self.interpolation == "cubic" and (min(self.knots) < 4 or 1 < self.inertia_knots < 4):
-            raise ValueError(f"knots of cubic splines must be at least 4, got {self.knots} and {self.inertia_knots}.")
+            raise ValueError(
+                f"knots of cubic splines must be at least 4, got {self.knots} and {self.inertia_knots}."
+            )
         if self.cycle_onsets is not None and self.schedule is not None:
-            raise ValueError("cycle_onsets and schedule exclude each other: K, B and G are functions of one of them.")
+            raise ValueError(
+                "cycle_onsets and schedule exclude each other: K, B and G are functions of one of them."
+            )
         return self
 
 
@@ -75,7 +101,9 @@ class RivTvOptions(RefinedOptions, RectifierOptions):
 class Motion:
     """Motion of the joint, measured or predicted, and its part of the equations."""
 
-    signals: np.ndarray  # shape (3, N): position less what repeats or changes slowly, velocity and acceleration
+    signals: (
+        np.ndarray
+    )  # shape (3, N): position less what repeats or changes slowly, velocity and acceleration
     rectify: Callable[[float], np.ndarray]  # rectified velocity, shape (N,), by its delay
     # Transforms of the products with splines, of K, B and I, and of G: shapes (splines, frequencies).
     spectra: np.ndarray = field(init=False)
@@ -92,7 +120,12 @@ class Bases:
         self.names = "KBG" if i == 1 else "KBGI"  # of those that vary
         self.size = k + b + i + g  # number of linear parameters
         # Places of the coefficients of K, B, G and I among the linear parameters; those of G come last.
-        self.blocks = slice(0, k), slice(k, k + b), slice(k + b + i, self.size), slice(k + b, k + b + i)
+        self.blocks = (
+            slice(0, k),
+            slice(k, k + b),
+            slice(k + b + i, self.size),
+            slice(k + b, k + b + i),
+        )
 
     def penalty(self, weights: np.ndarray, unknowns: int) -> np.ndarray:
         """Weighted sum of the penalties, shape (unknowns, unknowns)."""
@@ -126,7 +159,11 @@ class TimeVaryingEquations:
     """
 
     def __init__(self, trial: PreparedTrial, options: RivTvOptions) -> None:
-        delay, latest = (NOMINAL_DELAY, DELAY_LIMITS[1]) if options.delay is None else (options.delay, options.delay)
+        delay, latest = (
+            (NOMINAL_DELAY, DELAY_LIMITS[1])
+            if options.delay is None
+            else (options.delay, options.delay)
+        )
         self.grid = grid = trial.grid(options.identification_rate, latest)
         self.course = course = make_course(trial, grid, options.cycle_onsets, options.schedule)
         self.bases = Bases(options, periodic=course.periodic)
@@ -140,7 +177,9 @@ class TimeVaryingEquations:
         self.band = pass_band(samples, self.rate)
         self.resolution = max(RESOLUTION, FEWEST_BINS * self.rate / samples)
         # Variance of the smoothed spectrum over its square; zero for flat weights.
-        self.smoothing_variance = self.band.smoothing_variance(self.resolution) if options.weighting == "noise" else 0.0
+        self.smoothing_variance = (
+            self.band.smoothing_variance(self.resolution) if options.weighting == "noise" else 0.0
+        )
         self.inside = (self.frequency >= self.band.lowest) & (self.frequency <= self.band.highest)
         self.share = float(np.mean(self.inside))  # so many independent values a whitened sample has
         # Splines of what repeats or changes slowly, and the matrix that fits them to the samples that count.
@@ -154,14 +193,20 @@ class TimeVaryingEquations:
         self.position = trial.motion(grid)[0]
         self.slow = self.slow_part(self.position)
         signal = trial.channel(options.reference, grid)
-        self.reference = signal - self.slow_part(signal)  # less what repeats or changes slowly, shape (N,)
+        self.reference = signal - self.slow_part(
+            signal
+        )  # less what repeats or changes slowly, shape (N,)
         torque = trial.channel("torque", grid)
         self.torque = self.spectra(torque - torque.mean())
         k, b, self._gain, i = (splines(course.place).T for splines in self.bases.all)
         # Weights of the linear parameters in the means of K, B, I and G over the record, shape (4, parameters).
-        self.mean_weights = linalg.block_diag(*(rows[:, self.rows].mean(axis=1) for rows in (k, b, i, self._gain)))
+        self.mean_weights = linalg.block_diag(
+            *(rows[:, self.rows].mean(axis=1) for rows in (k, b, i, self._gain))
+        )
         signals = np.stack([self.position - self.slow, *trial.motion(grid)[1:]])
-        self.measured = Motion(signals, lambda delay: decimate(np.maximum(0.0, trial.velocity(delay)), *grid))
+        self.measured = Motion(
+            signals, lambda delay: decimate(np.maximum(0.0, trial.velocity(delay)), *grid)
+        )
         self.predicted = self._predict()
         self.motions = list(dict.fromkeys([self.measured, self.predicted]))
         for motion in self.motions:
@@ -218,16 +263,23 @@ class TimeVaryingEquations:
         """Means of K, B, I and G over the record, of their coefficients."""
         return dict(zip("KBIG", (self.mean_weights @ linear).tolist(), strict=True))
 
-    def system(self, parameters: Parameters, whiten: Callable[[np.ndarray], np.ndarray]) -> WhitenedSystem:
+    def system(
+        self, parameters: Parameters, whiten: Callable[[np.ndarray], np.ndarray]
+    ) -> WhitenedSystem:
         """System at some parameters, whitened by a function of `whitener`."""
-        rows = [whiten(parameters.differentiate(motion.spectra, motion.drive, self.s)) for motion in self.motions]
+        rows = [
+            whiten(parameters.differentiate(motion.spectra, motion.drive, self.s))
+            for motion in self.motions
+        ]
         return WhitenedSystem(rows[-1], rows[0], whiten(self.lead(parameters)))
 
     def lead(self, parameters: Parameters) -> np.ndarray:
         """Transform of the torque, ahead by its lag."""
         return self.torque * np.exp(self.s * parameters.lag) if parameters.lag else self.torque
 
-    def whitener(self, weight: np.ndarray, level: np.ndarray | float = 1.0) -> Callable[[np.ndarray], np.ndarray]:
+    def whitener(
+        self, weight: np.ndarray, level: np.ndarray | float = 1.0
+    ) -> Callable[[np.ndarray], np.ndarray]:
         """Function that makes signals, shape (..., rows), of spectra, and takes out of them what repeats.
 
         Frequencies are multiplied by a weight, and times divided by a level.
@@ -245,7 +297,9 @@ class TimeVaryingEquations:
             return signals - (signals @ directions.T) @ directions
 
         if not length:
-            directions = np.zeros((1, self.rows.stop - self.rows.start))  # of what repeats or changes slowly
+            directions = np.zeros(
+                (1, self.rows.stop - self.rows.start)
+            )  # of what repeats or changes slowly
             white = whiten(self._slow_spectra)
             values, vectors = np.linalg.eigh(white @ white.T)
             large = values > 1e-12 * values[-1]
@@ -257,12 +311,18 @@ class TimeVaryingEquations:
 
         The noise is the residual torque less what repeats with the cycle.
         """
-        residual = self.lead(parameters) - parameters.torque(self.measured.spectra, self.measured.drive, self.s)
+        residual = self.lead(parameters) - parameters.torque(
+            self.measured.spectra, self.measured.drive, self.s
+        )
         noise = self._remove_repeated(residual)
         spectrum = self.spectrum(noise)
         if self.options.weighting == "flat":
             return self.whitener(np.where(self.inside, 1.0 / np.sqrt(spectrum.mean()), 0.0))
-        weight = np.where(self.inside, 1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum)), 0.0)
+        weight = np.where(
+            self.inside,
+            1.0 / np.sqrt(np.interp(self.frequency, self.band.frequency, spectrum)),
+            0.0,
+        )
         padded = np.zeros(self.grid.samples)
         padded[self.rows] = noise
         power = irfft(weight * rfft(padded, self.size), self.size)[self.rows] ** 2
@@ -271,7 +331,9 @@ class TimeVaryingEquations:
 
     def spectrum(self, noise: np.ndarray) -> np.ndarray:
         """Smoothed spectrum of the noise at the frequencies of the band [(N·m)²], white noise having its variance."""
-        power = self.band.smooth(np.abs(self.band.transform(noise)) ** 2, self.resolution) / np.sum(self.band.taper**2)
+        power = self.band.smooth(np.abs(self.band.transform(noise)) ** 2, self.resolution) / np.sum(
+            self.band.taper**2
+        )
         return np.maximum(power, POWER_FLOOR * power.max())
 
     def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:
@@ -281,7 +343,9 @@ class TimeVaryingEquations:
         """
         spectrum = self.spectrum(residual)
         frequency = np.fft.rfftfreq(residual.size, 1.0 / self.rate)
-        power = np.interp(frequency, self.band.frequency, spectrum / spectrum.mean(), left=0.0, right=0.0)
+        power = np.interp(
+            frequency, self.band.frequency, spectrum / spectrum.mean(), left=0.0, right=0.0
+        )
         return irfft(np.sqrt(power) * rfft(signals), residual.size)
 
 
@@ -295,19 +359,29 @@ def predict_perturbation(y: np.ndarray, x: np.ndarray, rate: float) -> np.ndarra
     """
     padding = round(LAGS * rate), round(LEADS * rate)
     if y.size < 4 * (sum(padding) + 1):
-        raise DataError(f"the record of {y.size / rate:.3g} s is too short for a response to the reference.")
+        raise DataError(
+            f"the record of {y.size / rate:.3g} s is too short for a response to the reference."
+        )
     lagged = _shift(x, padding)
     residual = y - _predict_folds(lagged, y, lagged)
     size = int(next_fast_len(y.size + round(PADDING * rate), real=True))
-    power = smooth(np.abs(rfft(residual - residual.mean(), size)) ** 2, REFERENCE_RESOLUTION * size / rate)
-    weight = np.where(np.fft.rfftfreq(size) <= PASSBAND, 1.0 / np.sqrt(np.maximum(power, 1e-10 * power.max())), 0.0)
+    power = smooth(
+        np.abs(rfft(residual - residual.mean(), size)) ** 2, REFERENCE_RESOLUTION * size / rate
+    )
+    weight = np.where(
+        np.fft.rfftfreq(size) <= PASSBAND,
+        1.0 / np.sqrt(np.maximum(power, 1e-10 * power.max())),
+        0.0,
+    )
     x, y = irfft(weight / weight.max() * rfft(np.stack([x, y]), size), size)[:, : y.size]
     return _predict_folds(_shift(x, padding), y, lagged)
 
 
 def _shift(x: np.ndarray, padding: tuple[int, int]) -> np.ndarray:
     """Lags and leads of a signal, from the oldest lag to the furthest lead, shape (lags + leads + 1, N)."""
-    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(np.pad(x, padding), x.size))
+    return np.ascontiguousarray(
+        np.lib.stride_tricks.sliding_window_view(np.pad(x, padding), x.size)
+    )
 
 
 def _predict_folds(lagged: np.ndarray, y: np.ndarray, source: np.ndarray) -> np.ndarray:
@@ -321,5 +395,9 @@ def _predict_folds(lagged: np.ndarray, y: np.ndarray, source: np.ndarray) -> np.
     sides = np.array([part @ target for part, target in zip(*parts[:2], strict=True)])
     gram, side = grams.sum(axis=0) - grams, sides.sum(axis=0) - sides
     ridge = RIDGE * np.einsum("fii->f", gram) / gram.shape[1]
-    responses = np.linalg.solve(gram + ridge[:, None, None] * np.eye(gram.shape[1]), side[..., None])[..., 0]
-    return np.concatenate([response @ part for response, part in zip(responses, parts[2], strict=True)])
+    responses = np.linalg.solve(
+        gram + ridge[:, None, None] * np.eye(gram.shape[1]), side[..., None]
+    )[..., 0]
+    return np.concatenate(
+        [response @ part for response, part in zip(responses, parts[2], strict=True)]
+    )

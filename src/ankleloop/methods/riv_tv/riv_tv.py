@@ -81,11 +81,15 @@ def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
     trial.check_variable(options.reference)
     equations = TimeVaryingEquations(trial, options)
     if equations.course.periodic:
-        refuse_locked_perturbation(equations.reference, equations.course, equations.slow_part, options.reference)
+        refuse_locked_perturbation(
+            equations.reference, equations.course, equations.slow_part, options.reference
+        )
     return solve_time_varying(equations)
 
 
-def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions) -> Estimate:
+def _estimate(
+    trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions
+) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
     equations, parameters = solution.equations, solution.parameters
     bases, course = equations.bases, equations.course
@@ -94,11 +98,17 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     unit = str(trial.trial[options.schedule].attrs.get("units", "")) if options.schedule else ""
     schedule = {"variable": options.schedule or "", "variable_unit": unit}
     delay, dynamics, means = solution.delay, parameters.dynamics, solution.means
-    inputs = ModelInputs(fit_basis(trial.velocity(delay), "rectifier", 1), delay, equations.rate, trial.rate)
-    variable = options.schedule or (options.cycle_onsets if isinstance(options.cycle_onsets, str) else None)
+    inputs = ModelInputs(
+        fit_basis(trial.velocity(delay), "rectifier", 1), delay, equations.rate, trial.rate
+    )
+    variable = options.schedule or (
+        options.cycle_onsets if isinstance(options.cycle_onsets, str) else None
+    )
     varied = course.dimension, variable, np.array(course.limits), bases.all[0].degree
     k, b, g, i = (parameters.linear[block] for block in bases.blocks)
-    model = TimeVaryingModel(inputs, *varied, k, b, g, i, dynamics, parameters.lag, options.rest_position)
+    model = TimeVaryingModel(
+        inputs, *varied, k, b, g, i, dynamics, parameters.lag, options.rest_position
+    )
     reflex = {"delay": delay, "G": means.pop("G"), **dynamics.values}
     intervals = estimate_intervals(means | reflex, solution.deviations, solution.quantile)[1]
     return Estimate(
@@ -123,16 +133,25 @@ def _estimate(trial: PreparedTrial, solution: TimeVaryingSolution, options: RivT
     )
 
 
-def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dict[str, np.ndarray]) -> list[str]:
+def _warnings(
+    solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dict[str, np.ndarray]
+) -> list[str]:
     """What the record does not show, or the search did not reach."""
     equations, course, strength = solution.equations, solution.equations.course, solution.strength
-    findings = check_slow_movement(equations.position, course, equations.rate, equations.options.schedule)
+    findings = check_slow_movement(
+        equations.position, course, equations.rate, equations.options.schedule
+    )
     warnings = [finding.text for finding in findings if finding.verdict != "ok"]
     if course.periodic and course.segments < FEW_CYCLES:
-        warnings.append(f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}.")
+        warnings.append(
+            f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}."
+        )
     for name in equations.bases.names:
         edges = np.flatnonzero(np.diff(np.isnan(curves[name]), prepend=False, append=False))
-        ranges = [f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}" for start, stop in edges.reshape(-1, 2)]
+        ranges = [
+            f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}"
+            for start, stop in edges.reshape(-1, 2)
+        ]
         if ranges:
             warnings.append(
                 f"{name} is not identified at {course.dimension} {', '.join(ranges)}: it is hardly excited there."
@@ -145,7 +164,9 @@ def _warnings(solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dic
             "Record more cycles, perturb more strongly, or take fewer knots."
         )
     if not solution.converged:
-        warnings.append(f"not converged after {solution.rounds} rounds: the trajectories have no bands.")
+        warnings.append(
+            f"not converged after {solution.rounds} rounds: the trajectories have no bands."
+        )
     return warnings
 
 

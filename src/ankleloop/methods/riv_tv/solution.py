@@ -12,7 +12,12 @@ from scipy.fft import irfft
 from ankleloop.joint.dynamics import GRIDS, ReflexDynamics, respond
 from ankleloop.methods.riv.alternatives import Alternative, compute_shifts
 from ankleloop.methods.riv.equations import Parameters, fit_grid, solve_scaled
-from ankleloop.methods.riv_tv.equations import MEAN_SPLINES, Motion, TimeVaryingEquations, WhitenedSystem
+from ankleloop.methods.riv_tv.equations import (
+    MEAN_SPLINES,
+    Motion,
+    TimeVaryingEquations,
+    WhitenedSystem,
+)
 from ankleloop.signals.spectra import smooth
 
 INTEGRATION = 2001  # places at which squares of splines are summed
@@ -63,7 +68,11 @@ class TimeVaryingSolution:
         starts = np.searchsorted(course.segment, np.arange(course.segments))
         scores = np.add.reduceat(self.system.instruments * self._residual, starts, axis=1)
         scatter = scores @ scores.T + self.variance * self.penalty
-        factor = (1.0 + 2.0 * self.equations.smoothing_variance) * course.segments / (course.segments - 1.0)
+        factor = (
+            (1.0 + 2.0 * self.equations.smoothing_variance)
+            * course.segments
+            / (course.segments - 1.0)
+        )
         return factor * self._inverse @ scatter @ self._inverse.T
 
     @property
@@ -92,14 +101,21 @@ class TimeVaryingSolution:
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the means of K, B, I and G, and of the other unknowns."""
         size, names = self.equations.bases.size, (*"KBIG", *self.parameters.unknowns)
-        means, others = self._deviate(self.equations.mean_weights, slice(size)), np.diag(self.covariance)[size:]
+        means, others = (
+            self._deviate(self.equations.mean_weights, slice(size)),
+            np.diag(self.covariance)[size:],
+        )
         return dict(zip(names, [*means.tolist(), *np.sqrt(others).tolist()], strict=True))
 
     def _deviate(self, weights: np.ndarray, block: slice) -> np.ndarray:
         """Standard deviations of weighted sums of the parameters of a block, shapes (..., parameters) and (...)."""
-        return np.sqrt(np.maximum(np.sum(weights @ self.covariance[block, block] * weights, axis=-1), 0.0))
+        return np.sqrt(
+            np.maximum(np.sum(weights @ self.covariance[block, block] * weights, axis=-1), 0.0)
+        )
 
-    def find_trajectories(self, places: np.ndarray) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    def find_trajectories(
+        self, places: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Trajectories of what varies with the ends of their bands, nan where the record shows nothing; excitation.
 
         The excitation is the information of the record about a trajectory over its mean, for splines of equal size.
@@ -110,12 +126,20 @@ class TimeVaryingSolution:
         values, excitation = {}, {}
         for name, splines, block in zip(bases.names, bases.all, bases.blocks, strict=False):
             weights = splines(places)
-            density = information[block] / np.mean(splines(np.linspace(0.0, 1.0, INTEGRATION)) ** 2, axis=0)
-            excitation[name] = weights @ (density / max(float(np.mean(density)), np.finfo(float).tiny))
+            density = information[block] / np.mean(
+                splines(np.linspace(0.0, 1.0, INTEGRATION)) ** 2, axis=0
+            )
+            excitation[name] = weights @ (
+                density / max(float(np.mean(density)), np.finfo(float).tiny)
+            )
             curve = weights @ self.parameters.linear[block]
             curve[excitation[name] < IDENTIFIED] = np.nan
             margin = self.quantile * self._deviate(weights, block) if self.converged else np.nan
-            values[name], values[f"{name}_low"], values[f"{name}_high"] = curve, curve - margin, curve + margin
+            values[name], values[f"{name}_low"], values[f"{name}_high"] = (
+                curve,
+                curve - margin,
+                curve + margin,
+            )
         return values, excitation
 
     @property
@@ -129,7 +153,11 @@ class TimeVaryingSolution:
         e, system = self.equations, self.system
         coloured = e.colour(system.instruments, self._residual)
         # The spectrum is an estimate, by which left sides scatter more.
-        scatter = self.variance * (1.0 + e.band.smoothing_variance(e.resolution)) * (coloured @ coloured.T)
+        scatter = (
+            self.variance
+            * (1.0 + e.band.smoothing_variance(e.resolution))
+            * (coloured @ coloured.T)
+        )
         # The first direction of each block is its constant, the others are its contrasts.
         rotation, contrasts = np.eye(len(scatter)), {}
         for name, block in zip("KBG", e.bases.blocks, strict=False):
@@ -141,7 +169,9 @@ class TimeVaryingSolution:
         for name, tested in contrasts.items():
             free = np.setdiff1d(np.arange(len(side)), tested)
             rows = np.eye(len(side))[tested]
-            rows[:, free] = -normal[np.ix_(tested, free)] @ solve_scaled(normal[np.ix_(free, free)], np.eye(free.size))
+            rows[:, free] = -normal[np.ix_(tested, free)] @ solve_scaled(
+                normal[np.ix_(free, free)], np.eye(free.size)
+            )
             statistic = (rows @ side) @ solve_scaled(rows @ scatter @ rows.T, rows @ side)
             values[name] = float(special.chdtrc(tested.size, statistic))
         return values
@@ -153,11 +183,15 @@ class TimeVaryingSolution:
         scale = np.sqrt(self.variance * (1.0 + e.smoothing_variance))
         predicted = self.parameters.torque(e.predicted.spectra, e.predicted.drive, e.s)
         sides = (e.measured, e.lead(self.parameters)), (e.predicted, predicted)
-        effects = [effect for effect in EFFECTS if UNKNOWNS.get(effect) not in self.parameters.delays]
+        effects = [
+            effect for effect in EFFECTS if UNKNOWNS.get(effect) not in self.parameters.delays
+        ]
         alternatives = []
         for effect in effects:
             regressor, instrument = (whiten(self._respond(effect, *side)) for side in sides)
-            instrument = instrument - (instrument @ system.regressors.T) @ self._inverse @ system.instruments
+            instrument = (
+                instrument - (instrument @ system.regressors.T) @ self._inverse @ system.instruments
+            )
             left = instrument @ self._residual
             score = left / (scale * np.linalg.norm(e.colour(instrument, self._residual)))
             step = left / (instrument @ regressor)
@@ -248,10 +282,20 @@ def choose_penalties(
     Shapes: penalties (4,); returns solution (unknowns,), penalties (4,).
     """
     bases, unknowns, course = equations.bases, len(system.normal), equations.course
-    parts, information = list(zip(bases.all, bases.blocks, strict=True)), np.diag(system.information)
-    typical = np.array([np.sum(information[block]) / max(np.trace(splines.penalty), 1.0) for splines, block in parts])
+    parts, information = (
+        list(zip(bases.all, bases.blocks, strict=True)),
+        np.diag(system.information),
+    )
+    typical = np.array(
+        [
+            np.sum(information[block]) / max(np.trace(splines.penalty), 1.0)
+            for splines, block in parts
+        ]
+    )
     penalties, factors = penalties if penalties.size else typical, np.ones(len(parts))
-    freedom = (system.torque.size - (course.equal_cycles or MEAN_SPLINES)) * equations.share - unknowns
+    freedom = (
+        system.torque.size - (course.equal_cycles or MEAN_SPLINES)
+    ) * equations.share - unknowns
     for step in range(SMOOTHING_STEPS):
         penalty = bases.penalty(penalties, unknowns)
         solution = solve_scaled(system.normal + penalty, system.side)
@@ -260,11 +304,27 @@ def choose_penalties(
         if step == 0 and equations.options.weighting == "flat":
             instruments = system.instruments[: bases.size]
             coloured = equations.colour(instruments, system.residual(solution[: bases.size]))
-            factors = np.array([np.sum(coloured[block] ** 2) / np.sum(instruments[block] ** 2) for _, block in parts])
+            factors = np.array(
+                [
+                    np.sum(coloured[block] ** 2) / np.sum(instruments[block] ** 2)
+                    for _, block in parts
+                ]
+            )
         inverse = solve_scaled(system.information + penalty, np.eye(unknowns))
-        rough = np.array([solution[block] @ splines.penalty @ solution[block] for splines, block in parts])
-        traces = np.array([np.trace(inverse[block, block] @ splines.penalty) for splines, block in parts])
+        rough = np.array(
+            [solution[block] @ splines.penalty @ solution[block] for splines, block in parts]
+        )
+        traces = np.array(
+            [np.trace(inverse[block, block] @ splines.penalty) for splines, block in parts]
+        )
         ranks = np.array([splines.rank for splines in bases.all])
-        values = factors * variance * np.maximum(ranks - penalties * traces, 1e-10) / np.maximum(rough, 1e-300)
-        penalties = np.where(ranks > 0, np.clip(values, SMALLEST_PENALTY * typical, LARGEST_PENALTY * typical), 0.0)
+        values = (
+            factors
+            * variance
+            * np.maximum(ranks - penalties * traces, 1e-10)
+            / np.maximum(rough, 1e-300)
+        )
+        penalties = np.where(
+            ranks > 0, np.clip(values, SMALLEST_PENALTY * typical, LARGEST_PENALTY * typical), 0.0
+        )
     return solution, penalties, variance
