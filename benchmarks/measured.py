@@ -16,7 +16,6 @@ os.environ.update(
 
 import faults
 import interval_coverage
-import long_record
 import numpy as np
 import peers
 import scaling
@@ -54,13 +53,11 @@ def measure_speed():
 
 
 def measure_scaling():
-    """Dry runs of large studies, one and two cores, and long records."""
-    records = [long_record.measure_record(samples) for samples in (360_000, 3_600_000)]
+    """Dry runs of large studies, one and two cores."""
     return {
         "The list of jobs": f"Dry runs, time of the processor.\n\n{format_table(scaling.measure_dry_runs(1000))}",
         "Cores": "A sweep over two settings and an option, by two methods, with the start of Snakemake and of all "
         f"jobs.\n\n{format_table(scaling.scale_cores(1000))}",
-        "Long records": f"PR-MOESP on a record at 100 Hz, streamed from its file.\n\n{format_table(records)}",
     }
 
 

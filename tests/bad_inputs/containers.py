@@ -1,4 +1,4 @@
-"""MATLAB, HDF5 and NetCDF files, and long records."""
+"""MATLAB, HDF5 and NetCDF files."""
 
 from functools import partial
 from pathlib import Path
@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from ankleloop import LongRecord, read_trial
+from ankleloop import read_trial
 from bad_inputs.bad_input import rows_of
 from bad_inputs.inputs import POSITION, RATE, TIME, TORQUE, changed, cut_off, hdf5_file, mat_file
 
@@ -33,17 +33,10 @@ def group_file(folder: Path) -> Path:
     return folder / "a.h5"
 
 
-def read_record(path: Path) -> None:
-    """Open a long record of position and torque, and read all of it."""
-    record = LongRecord(path, reference=None, sampling_rate=RATE)
-    record.read(0, record.samples)
-
-
 HOURS = ("t", TIME, {"units": "hours since 2024-01-01"})
 CELLS = np.array([1.0, "b"], dtype=object)
 
 row = rows_of(read_trial)
-record = rows_of(read_record)
 in_degrees = partial(read_trial, position_unit="deg")
 
 ROWS = [
@@ -114,12 +107,12 @@ ROWS = [
         "a.nc: time is in",
         "write it in seconds, ms or µs",
     ),
-    record(
-        "long: nan",
+    row(
+        "hdf5: nan",
         hdf5_file(torque=changed(TORQUE, 250, np.nan)),
         "torque is not finite at sample 250",
     ),
-    record(
-        "long: a gap", hdf5_file(time=TIME + (TIME > 0.3)), "a.h5: time is irregular at sample 151"
+    row(
+        "hdf5: a gap", hdf5_file(time=TIME + (TIME > 0.3)), "a.h5: time is irregular at sample 151"
     ),
 ]

@@ -1,14 +1,10 @@
 """Files of this library that are loaded again, and calls that write a file."""
 
-from functools import partial
 from pathlib import Path
 
 import h5py
-import numpy as np
 
 from ankleloop import (
-    LongRecord,
-    identify_file,
     load_estimate,
     load_trial,
     save_estimate,
@@ -18,14 +14,11 @@ from ankleloop.recordings.files import export_estimate, load_recording
 from ankleloop.trials.trial_files import load_trials, save_trials
 from bad_inputs.bad_input import rows_of
 from bad_inputs.inputs import (
-    changed,
     cut_off,
     fitted_estimate,
-    hdf5_file,
     mat_file,
     missing,
     short_trial,
-    simulated_trial,
     spoiled,
     text_file,
     trial_file,
@@ -55,37 +48,16 @@ def trials_file(folder: Path) -> Path:
     return folder / "0.nc"
 
 
-def record_file(folder: Path) -> Path:
-    """A record of 20 s."""
-    save_trial(simulated_trial(), folder / "a.nc")
-    return folder / "a.nc"
-
-
-def nan_record(folder: Path) -> Path:
-    """A record with nan in the torque."""
-    signals = {name: simulated_trial()[name].values for name in ("position", "torque", "reference")}
-    return hdf5_file(**signals | {"torque": changed(signals["torque"], 15_000, np.nan)}, fs=1000.0)(
-        folder
-    )
-
-
 def flip_a_bit(content: bytes) -> bytes:
     """One bit in the middle."""
     middle = len(content) // 2
     return content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
 
 
-def identify_onto(path: Path, output: str = "torques.nc") -> None:
-    """Identify a long record, and write its torques."""
-    identify_file(LongRecord(path), path.with_name(output))
-
-
 row = rows_of(load_trial)
 trials = rows_of(lambda path: list(load_trials(path)))
 estimate = rows_of(load_estimate)
 saved = rows_of(lambda path: save_trial(short_trial(), path))
-identified = rows_of(identify_onto)
-onto_itself = partial(identify_onto, output="a.nc")
 exported = rows_of(lambda path: export_estimate(fitted_estimate(), path))
 loaded = rows_of(lambda path: load_recording(path, {"file": path.name, "start": 5.0, "stop": 9.0}))
 
@@ -127,14 +99,6 @@ ROWS = [
         "overwrite=True",
     ),
     saved("a trial into no folder", missing("results/a.nc"), "there is no folder", "make it first"),
-    identified(
-        "the record as output",
-        record_file,
-        "a.nc: the file is being read",
-        "another name",
-        call=onto_itself,
-    ),
-    identified("nan in a long record", nan_record, "a.h5: torque is not finite at sample 15000"),
     exported("an export with an unknown suffix", missing("e.txt"), "e.txt", ".mat"),
     loaded(
         "a part without samples",

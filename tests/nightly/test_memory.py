@@ -1,4 +1,4 @@
-"""Memory of jobs does not grow with the trials of a chunk, nor that of an identification with a record from a file."""
+"""Memory of jobs does not grow with the trials of a chunk."""
 
 import json
 import os
@@ -6,10 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import h5py
 import pytest
-
-from ankleloop import simulate
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="the memory of a process is read from /proc"
@@ -25,7 +22,6 @@ FILLED, COUNT = (
 
 IMPORTS = """
 import json, logging, sys
-from ankleloop import LongRecord, identify_file
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.identification import identify_trials, read_trials
 from ankleloop.studies.simulation import simulate_trials
@@ -67,10 +63,6 @@ else:
     identify_trials(simulate_trials("s", 1, conditions), files, "s", points, methods, {})
 print(json.dumps([*peaks.memory, largest_memory()]))
 """
-RECORD = """
-identify_file(LongRecord(sys.argv[1]), sys.argv[2]).torque.close()
-print(json.dumps(largest_memory()))
-"""
 # As in jobs of the workflow (workflow/rules/common.smk), which keep the memory that they have freed.
 ALLOCATION = {"MALLOC_MMAP_THRESHOLD_": str(2**30), "MALLOC_TRIM_THRESHOLD_": str(2**31)}
 
@@ -91,26 +83,3 @@ def test_memory_does_not_grow_with_the_trials_of_a_chunk(tmp_path):
         few, many, end = peaks[job] = run(JOB, tmp_path, job, steps * FILLED, COUNT, **ALLOCATION)
         assert many - few < STEP + GROWTH * (COUNT - FILLED), peaks
         assert end < MOST, peaks
-
-
-def test_memory_does_not_grow_with_the_length_of_a_record(tmp_path):
-    """Trials end to end, at 100 Hz; the basis of the nonlinearity is fitted to as many velocities in both."""
-    trial = simulate(
-        seed=1,
-        duration=1000.0,
-        recording_rate=100.0,
-        integration_rate=1000.0,
-        antialias_cutoff=40.0,
-        noise_rate=100.0,
-    )
-    samples, peaks = (1_200_000, 4_800_000), []
-    for count in samples:
-        path = tmp_path / f"{count}.h5"
-        with h5py.File(path, "w") as file:
-            file.attrs["sampling_rate"] = 100.0
-            for name in ("position", "torque", "reference"):
-                variable = file.create_dataset(name, (count,), float)
-                for start in range(0, count, trial.sizes["time"]):
-                    variable[start : start + trial.sizes["time"]] = trial[name].values
-        peaks.append(run(RECORD, path, tmp_path / f"{count}.nc"))
-    assert peaks[1] - peaks[0] < 8 * (samples[1] - samples[0]), peaks  # a single channel

@@ -13,7 +13,8 @@ from ankleloop.checks.channels import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.reference import ReferenceProjection, project_on_reference
+from ankleloop.signals.least_squares import fit_scaled
+from ankleloop.signals.responses import ReferenceProjection, lag_matrix, project_on_reference
 from ankleloop.signals.spectra import segment_spectra
 
 SEGMENT = 2.0  # s
@@ -233,16 +234,10 @@ def fit_stiffness(records: Sequence[Regressors], *, with_reflex: bool = True) ->
         if record.torque.size > lags + 1:
             part = record.inputs[lags:, :MOTION]
             if with_reflex:
-                lagged = np.lib.stride_tricks.sliding_window_view(
-                    record.inputs[:, MOTION], lags + 1
-                )
-                part = np.column_stack([part, lagged])
+                part = np.column_stack([part, lag_matrix(record.inputs[:, MOTION], 0, lags)])
             inputs.append(part - part.mean(axis=0))
             torque.append(record.torque[lags:] - record.torque[lags:].mean())
-    stacked = np.concatenate(inputs)
-    scale = np.maximum(stacked.std(axis=0), np.finfo(float).tiny)
-    values = np.linalg.lstsq(stacked / scale, np.concatenate(torque), rcond=DISCARDED)[0]
-    return float(values[0] / scale[0])
+    return float(fit_scaled(np.concatenate(inputs), np.concatenate(torque), DISCARDED)[0])
 
 
 def check_loop(records: Sequence[Regressors], usable: bool) -> tuple[str, Finding]:

@@ -14,8 +14,9 @@ from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import MOTION, Grid, Regressors
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.reference import project_on_reference, unseen_share
-from ankleloop.signals.spectra import segment_spectra
+from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.responses import project_on_reference, unseen_share
+from ankleloop.signals.spectra import coherence, segment_spectra
 from ankleloop.subspace.hankel import hankel_gram
 from ankleloop.trials.trial import REQUIRED
 
@@ -48,7 +49,6 @@ NOISE_SEGMENT, NOISE_SEGMENTS = (
 )  # s, and about how many of them show the noise of a long record
 COPY = 1e-6  # share of a channel that its copy leaves
 TINY = np.finfo(float).tiny
-DEPENDENT = 1e-12  # singular value of scaled equations, in units of the largest one
 EXCITED = 1e-6  # of the largest eigenvalue of the velocity's Hankel products
 SAMPLED = 200  # samples, about, for a standard deviation; an odd number apart, which few frequencies divide
 
@@ -88,11 +88,8 @@ def regress_torque(
     """
     deviations = np.stack([x - x.mean() for x in signals])
     products = deviations @ deviations.T
-    normal, right = products[:-1, :-1], products[:-1, -1]
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), TINY))
-    values = (
-        scale * np.linalg.lstsq(normal * scale[:, None] * scale, right * scale, rcond=DEPENDENT)[0]
-    )
+    right = products[:-1, -1]
+    values = solve_scaled(products[:-1, :-1], right)
     return deviations, products, values, float(right @ values / products[-1, -1])
 
 
@@ -186,10 +183,9 @@ def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     signals = velocity, trial.samples["torque"]
     step = max(length // 2, velocity.size // NOISE_SEGMENTS)
     v, t = (segment_spectra(signal, length, step) for signal in signals)
-    power, torque = (np.mean(np.abs(spectra) ** 2, axis=0) for spectra in (v, t))
-    coherence = np.abs(np.mean(v.conj() * t, axis=0)) ** 2 / np.maximum(power * torque, TINY)
+    power = np.mean(np.abs(v) ** 2, axis=0)
     above = np.arange(power.size) * trial.rate / length > NOISE_BAND
-    share = float(np.sum((power * (1.0 - coherence))[above]) / np.sum(power))
+    share = float(np.sum((power * (1.0 - coherence(v, t)))[above]) / np.sum(power))
     if share < NOISE_SHARE:
         return ok
     text = (

@@ -10,7 +10,7 @@ import xarray as xr
 from ankleloop.checks.channels import Finding
 from ankleloop.joint.regressors import Regressors
 from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.spectra import segment_spectra
+from ankleloop.signals.spectra import coherence, segment_spectra
 
 SHORTEST, SHORT = 10.0, 25.0  # s
 SHORTEST_TRIAL = 2.0  # s, of those that are merged: filters and Hankel rows touch a second of each
@@ -61,16 +61,12 @@ def estimate_spectra(records: Sequence[Regressors]) -> dict[str, np.ndarray]:
     }
     density = 0.5 * rate * np.sum(np.hanning(size) ** 2)
 
-    def coherence(x: str, y: str) -> np.ndarray:
-        cross = np.mean(transforms[x] * transforms[y].conj(), axis=0)
-        return np.abs(cross) ** 2 / np.maximum(power[x] * power[y], np.finfo(float).tiny)
-
     spectra = {"frequency": frequency[inside]} | {
         name: power[name] / density for name in ("position", "torque")
     }
-    spectra["coherence"] = coherence("position", "torque")
+    spectra["coherence"] = coherence(transforms["position"], transforms["torque"])
     if "reference" in transforms:
-        spectra["reference_coherence"] = coherence("reference", "position")
+        spectra["reference_coherence"] = coherence(transforms["reference"], transforms["position"])
     return spectra
 
 

@@ -204,7 +204,7 @@ class Estimate:
         Raises
         ------
         DataError
-            Without a trial, for an estimate of a study or a long record, which hold no measured torque.
+            Without a trial, for an estimate of a study, which holds no measured torque.
 
         Examples
         --------

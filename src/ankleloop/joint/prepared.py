@@ -14,7 +14,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.hammerstein import Basis, fit_basis
 from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid
 from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
-from ankleloop.signals.reference import predict_decimated
+from ankleloop.signals.responses import predict_decimated
 from ankleloop.trials.trial import validate
 
 NO_REFERENCE = (

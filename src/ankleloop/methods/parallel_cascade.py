@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy import linalg
 
 from ankleloop.errors import DataError
@@ -16,6 +15,7 @@ from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import INPUTS, KnownDelayOptions, Method, RectifierOptions
 from ankleloop.options import option
+from ankleloop.signals.responses import lag_matrix
 from ankleloop.subspace.input_matrices import update_factor
 
 PASS_CEILING = 10_000  # beyond any loop that converges at all
@@ -55,10 +55,8 @@ def _compress(
     Shapes: returns (columns, lags) of either path, (columns, 1).
     """
     first = max(leads, longest)
-    position = sliding_window_view(regressors.inputs[first - leads :, 0], 2 * leads + 1)[:, ::-1]
-    drive = sliding_window_view(regressors.inputs[first - longest :, -1], longest + 1)[
-        : len(position), ::-1
-    ]
+    position = lag_matrix(regressors.inputs[first - leads :, 0], leads, leads)
+    drive = lag_matrix(regressors.inputs[first - longest :, -1], 0, longest)[: len(position)]
     lagged = np.vstack([position.T, drive.T, regressors.torque[first:][: len(position)]])
     lagged -= lagged.mean(axis=1, keepdims=True)
     triangle = update_factor(np.zeros((len(lagged),) * 2, order="F"), lagged.T)

@@ -11,6 +11,7 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, torque_dataset
 from ankleloop.methods.method import INPUTS, KnownDelayOptions, Method, RectifierOptions
 from ankleloop.options import option
+from ankleloop.signals.responses import lag_matrix
 
 UPDATE_RATE = 10.0  # Hz at which parameters are solved for and traced
 SHORTEST_LEVEL = 1.0  # s over which position and torque are averaged, at least
@@ -97,7 +98,7 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     padded = np.concatenate(
         (np.full(longest, drive[0]), drive)
     )  # before the record it has its first value
-    lagged = np.lib.stride_tricks.sliding_window_view(padded, longest + 1)[:, ::-1]
+    lagged = lag_matrix(padded, 0, longest)
     reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)
     traces = dict(zip("KBIG", [*stiffness.T, responses.sum(axis=1)], strict=True))
     time = regressors.time[::chunk]

@@ -105,6 +105,17 @@ def segment_spectra(x: np.ndarray, length: int, step: int) -> np.ndarray:
     )
 
 
+def coherence(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Squared coherence of two signals, from the transforms of their segments.
+
+    Shapes: x, y (segments, F); returns (F,).
+    """
+    cross = np.mean(x * y.conj(), axis=0)
+    power_x = np.mean(np.abs(x) ** 2, axis=0)
+    power_y = np.mean(np.abs(y) ** 2, axis=0)
+    return np.abs(cross) ** 2 / np.maximum(power_x * power_y, np.finfo(float).tiny)
+
+
 def smooth(power: np.ndarray, width: float) -> np.ndarray:
     """Smooth a periodogram with a Hann window; it is mirrored at its ends.
 

@@ -2,6 +2,6 @@
 
 from ankleloop.subspace.hankel import block_hankel
 from ankleloop.subspace.input_matrices import simulate_response
-from ankleloop.subspace.moesp import SubspaceEstimate, moesp, moesp_chunks
+from ankleloop.subspace.moesp import SubspaceEstimate, moesp
 
-__all__ = ["SubspaceEstimate", "block_hankel", "moesp", "moesp_chunks", "simulate_response"]
+__all__ = ["SubspaceEstimate", "block_hankel", "moesp", "simulate_response"]

@@ -6,7 +6,6 @@ in memory or in chunks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -26,8 +25,6 @@ from ankleloop.subspace.projection import (
     realise,
 )
 from ankleloop.subspace.sources import (
-    Chunk,
-    ChunkSource,
     MemoryOptions,
     MemorySource,
     Source,
@@ -164,63 +161,6 @@ def moesp(
     return _identify(
         MemorySource(u, y, reference, predicted_inputs, all_options), dynamic, all_options
     )
-
-
-@show_fields(SubspaceOptions)
-def moesp_chunks(
-    chunks: Callable[[], Iterable[Chunk]],
-    block_rows: int,
-    order: int | None,
-    instruments: str = "past-input",
-    projection: str = "ordinary",
-    dt: float = 1.0,
-    *,
-    dynamic: ArrayLike | None = None,
-    **options: Any,
-) -> SubspaceEstimate:
-    """Identify a state-space model as `moesp` does, from a record of any length that comes in chunks.
-
-    The first pass takes moments and the inner products of the Hankel rows, a second one a factorisation of the rows if
-    the products are not accurate enough, and the last pass the regression for B, D and the initial state. Time is in
-    proportion to the length of the record, memory to that of a chunk.
-
-    Parameters
-    ----------
-    chunks : callable
-        Returns an iterator over the chunks of the record from its beginning, each a tuple of inputs, shape (N, m),
-        outputs, shape (N, p), and reference, shape (N, q) or None. It is called once for each pass.
-    block_rows, order, instruments, projection, dt, dynamic
-        As `moesp` takes them.
-    **options
-        Options by name; `ankleloop.subspace.sources.SubspaceOptions` describes each of them, with its default.
-
-    Returns
-    -------
-    SubspaceEstimate
-
-    Raises
-    ------
-    DataError, TypeError, ValueError
-        As `moesp` does.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> u, y = rng.standard_normal((2000, 1)), np.zeros((2000, 1))
-    >>> for t in range(1, 2000):
-    ...     y[t] = 0.8 * y[t - 1] + u[t - 1]
-    >>> estimate = moesp_chunks(lambda: ((u[k : k + 300], y[k : k + 300], None) for k in range(0, 2000, 300)), 8, 1)
-    >>> bool(abs(estimate.model.poles()[0] - 0.8) < 1e-9)
-    True
-    """
-    positional = {
-        "block_rows": block_rows,
-        "order": order,
-        "instruments": instruments,
-        "projection": projection,
-    }
-    all_options = SubspaceOptions.parse("moesp_chunks", **positional, dt=dt, **options)
-    return _identify(ChunkSource(chunks, all_options), dynamic, all_options)
 
 
 def _identify(

@@ -1,8 +1,8 @@
-"""Options and data of an identification, instruments among them: records in memory, or one that comes in chunks."""
+"""Options and data of an identification, instruments among them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from typing import Any, Literal, NamedTuple, Self
 
@@ -11,11 +11,10 @@ from pydantic import model_validator
 
 from ankleloop.errors import DataError
 from ankleloop.options import Options, as_real, option, show_value
-from ankleloop.signals.reference import predict_from_reference
+from ankleloop.signals.responses import predict_from_reference
 from ankleloop.subspace.hankel import generate_columns, hankel_gram
 from ankleloop.subspace.input_matrices import update_factor
 
-Chunk = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # inputs, outputs and reference
 SIGNALS = ("input", "output", "reference")
 ROUNDING = 1e-13  # of a mean
 Instruments = Literal["none", "past-input", "past-input-output", "past-reference"]
@@ -298,60 +297,3 @@ class MemorySource(Source):
         return [
             (record - self.offsets * record.mean(axis=0)) / self.scale[:m] for record in records
         ]
-
-
-class ChunkSource(Source):
-    """A record that is read again for each pass, in constant memory; its moments are known after the first pass.
-
-    `chunks` are those that `ankleloop.subspace.moesp.moesp_chunks` takes.
-    """
-
-    def __init__(self, chunks: Callable[[], Iterable[Chunk]], options: SubspaceOptions) -> None:
-        if not callable(chunks):
-            raise TypeError(
-                f"moesp_chunks: chunks must be a function that returns an iterator, got {show_value(chunks)}."
-            )
-        self._chunks, self.lengths = chunks, [0]
-        self._signals = 3 if options.instruments == "past-reference" else 2
-        first = next(iter(chunks()), None)
-        if first is None:
-            raise DataError("the record has no chunks.")
-        start, (m, p) = self._stack(first), (part.shape[1] for part in first[:2])
-        self.sizes = m, p, start.shape[1] - m - p
-        self.refuse_not_finite(start, 0)
-        # Moments of the first chunk, until those of the record are known.
-        self.mean, deviation = start.mean(axis=0), start.std(axis=0)
-        self.scale = np.where(np.ptp(start, axis=0) > 0.0, deviation, 1.0)
-
-    def _stack(self, chunk: Chunk) -> np.ndarray:
-        return np.column_stack([part for part in chunk[: self._signals] if part is not None])
-
-    @property
-    def records(self) -> Iterable[Iterable[np.ndarray]]:  # type: ignore[override]  # anew for each pass
-        """The record in chunks, scaled by the moments that are known so far."""
-        return [self._scale_chunks()]
-
-    def _scale_chunks(self) -> Iterator[np.ndarray]:
-        """Chunks, whose sums and sums of squares are kept when the last one has been taken."""
-        samples, sums, squares = 0, np.zeros(self.scale.size), np.zeros(self.scale.size)
-        for chunk in self._chunks():
-            x = self._stack(chunk)
-            self.refuse_not_finite(x, samples)
-            x = (x - self.mean) / self.scale
-            samples, sums, squares = (
-                samples + len(x),
-                sums + x.sum(axis=0),
-                squares + np.sum(x**2, axis=0),
-            )
-            yield x
-        self.lengths, self._sums, self._squares = [samples], sums, squares
-
-    def compute_gram(self, rows: HankelRows) -> np.ndarray:
-        """First pass: inner products of the Hankel rows, and the length and the moments of the record."""
-        gram = super().compute_gram(rows)
-        shift = self._sums / self.lengths[0]
-        deviation = np.sqrt(np.maximum(self._squares / self.lengths[0] - shift**2, 0.0))
-        self.mean, self.scale = self.mean + shift * self.scale, self.scale * deviation
-        self.refuse_constant(self.scale, np.abs(self.mean))
-        row_scale = deviation[rows.indices % rows.lags.size]
-        return gram / np.outer(row_scale, row_scale)

@@ -121,8 +121,7 @@ def check_size(samples: int, name: str) -> None:
     if samples > MAX_SAMPLES:
         raise DataError(
             f"{name} has {samples:,} samples by its size in the file; at most {MAX_SAMPLES:,} are read as a trial "
-            f"({MAX_SAMPLES / 3.6e6:.1f} h at 1 kHz): read a long record by ankleloop.LongRecord from HDF5 or NetCDF; "
-            "if the record is short, the file is damaged."
+            f"({MAX_SAMPLES / 3.6e6:.1f} h at 1 kHz): cut the record; if it is short, the file is damaged."
         )
 
 

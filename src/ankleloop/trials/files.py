@@ -42,9 +42,7 @@ class UnreadableError(Exception):
     """What is wrong with the contents of a file, for a message that names it."""
 
 
-def check_output(
-    path: PathLike, *, overwrite: bool = False, source: PathLike | None = None
-) -> Path:
+def check_output(path: PathLike, *, overwrite: bool = False) -> Path:
     """Check that a file can be written and that nothing is lost by it; long computations do so before they begin."""
     path = Path(path)
     try:
@@ -52,8 +50,6 @@ def check_output(
             raise DataError(f"{path}: there is no folder {path.parent}: make it first.")
         if not os.access(path.parent, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-        if source is not None and path.exists() and path.samefile(source):
-            raise DataError(f"{path}: the file is being read ({source}): write to another name.")
         if path.exists() and not path.is_file():
             raise DataError(f"{path}: this is a folder or a device, no file: write to a file.")
         if (

@@ -1,9 +1,8 @@
-"""Trials from the files of a laboratory, and records that do not fit into memory, which stay in their files."""
+"""Trials from the files of a laboratory."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -21,13 +20,11 @@ from ankleloop.trials.channels import (
     check_unit,
     time_factor,
 )
-from ankleloop.trials.files import PathLike, stamp_file
+from ankleloop.trials.files import PathLike
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.trial import check_samples, check_shape, check_sizes, new_trial
+from ankleloop.trials.trial import check_shape, check_sizes, new_trial
 
-LONG_SUFFIXES = (".h5", ".hdf5", ".nc", ".flb")  # of long records
-BLOCK = 250_000  # samples of them that are checked at a time
 LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
 
 
@@ -174,120 +171,3 @@ def choose_rate(
         )
     check_same_rate(stated or measured, measured, source=source, name=time.name)
     return stated or measured
-
-
-class LongRecord:
-    """A recording that stays in its HDF5, NetCDF or FLB file, read as `ankleloop.read_trial` reads a short one.
-
-    When the record is made, all of its samples are read and checked: one pass more than those of an identification.
-    This and all other reading is left to another process with limits of time and memory, because a damaged file can
-    crash or halt the HDF5 library; such a file gives a `DataError`. A file that is changed later is refused. True
-    torques of a simulation are not read.
-
-    Parameters
-    ----------
-    path : path-like
-        The file. Variables in groups are named `group/position`.
-    sampling_rate : float, optional
-        Sampling rate [Hz]; by default that of the file, as `read_trial` finds it.
-    position, torque : str
-        Its variables.
-    reference : str or None
-        Variable of the command to the servo, in the unit and with the sign of the position.
-    position_unit : {"rad", "deg"}
-        Unit of position and reference.
-    position_sign, torque_sign : {1, -1}
-        Factors that make the torque oppose stretch.
-    case : int, optional
-        The trial of an FLB file that has several, counted from 1.
-    variables : mapping of str to str, optional
-        Further variables, read as the file has them: the name in the pieces that `read` gives, and that in the file.
-
-    Raises
-    ------
-    DataError
-        For another kind of file, and wherever `read_trial` refuses a file, with the same words.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from ankleloop import new_trial, save_trial
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_trial(new_trial([0.0, 0.01, 0.02], [0.0, 1.0, 2.0], 100.0), f"{folder}/trial.nc")
-    ...     record = LongRecord(f"{folder}/trial.nc", reference=None)
-    ...     print(record.samples, record.rate, record.read(1, 3).torque.values)
-    3 100.0 [1. 2.]
-    """
-
-    @show_fields(ReadingOptions)
-    def __init__(
-        self,
-        path: PathLike,
-        sampling_rate: float | None = None,
-        *,
-        reference: str | None = "reference",
-        **mapping: Any,
-    ) -> None:
-        self.path = check_path("LongRecord", "path", path)
-        source, mapping = (
-            self.path.name,
-            {"sampling_rate": sampling_rate, "reference": reference, **mapping},
-        )
-        self.options = parse_options("LongRecord", source, mapping)
-        self.reference = self.options.reference
-        if not self.path.name.lower().endswith(LONG_SUFFIXES):
-            raise DataError(
-                f"{source}: long records are read from {', '.join(LONG_SUFFIXES)}; convert it first."
-            )
-        channels = _read(self.path, self.options, part=(0, 1))
-        self._stamp = stamp_file(self.path)
-        sizes = {role: math.prod(channels[role].shape) for role in self.options.names}
-        self.samples = sizes["position"]
-        times = (block[TIME] for block in self._read_blocks([TIME]))
-        self.rate = choose_rate(channels, self.options, times, source=source)
-        check_sizes(sizes, source=source)
-        check_samples(self._read_blocks([*self.options.names]), self.rate, source=source)
-
-    def read(self, start: int, stop: int, channels: Sequence[str] | None = None) -> xr.Dataset:
-        """A piece of the record as a data set in rad and N·m.
-
-        Parameters
-        ----------
-        start, stop : int
-            Samples: the first, and the one before which the piece ends, at the end of the record at the latest.
-        channels : sequence of str, optional
-            Which of position, torque, reference and the further variables; all, by default.
-
-        Returns
-        -------
-        xarray.Dataset
-
-        Raises
-        ------
-        DataError
-            If the file has been changed since the record was made, or cannot be read any more.
-        ValueError
-            For a piece without samples.
-        """
-        if not 0 <= start < min(stop, self.samples):
-            raise ValueError(
-                f"{self.path.name}: there are no samples {start} to {stop}: the record has {self.samples} samples."
-            )
-        signals = self._read_part(channels or [*self.options.names], start, stop)
-        variables = {role: ("time", values) for role, values in signals.items()}
-        time = ("time", np.arange(start, min(stop, self.samples)) / self.rate)
-        return xr.Dataset(variables, coords={"time": time}, attrs={"sampling_rate": self.rate})
-
-    def _read_blocks(self, roles: Sequence[str]) -> Iterator[dict[str, np.ndarray]]:
-        """All samples, a block at a time."""
-        for start in range(0, self.samples, BLOCK):
-            yield self._read_part(roles, start, start + BLOCK)
-
-    def _read_part(self, roles: Sequence[str], start: int, stop: int) -> dict[str, np.ndarray]:
-        """Samples in rad and N·m; times as the file has them."""
-        part = _read(self.path, self.options, part=(int(start), int(stop)), roles=[*roles])
-        if stamp_file(self.path) != self._stamp:
-            raise DataError(
-                f"{self.path.name}: the file has been changed since the record was made: make it again from a copy."
-            )
-        return {role: channel.values * self.options.factor(role) for role, channel in part.items()}

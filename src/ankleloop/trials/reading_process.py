@@ -248,8 +248,7 @@ def _answer(pipe: Connection, request: list[Any]) -> dict[str, Any]:
     except DataError as error:
         return {"refusal": str(error)}
     except MemoryError:
-        remedy = "a long record is read from HDF5 or NetCDF by ankleloop.LongRecord"
-        return {"reason": f"it needs more than {memory / 1e9:.1f} GB of memory; {remedy}"}
+        return {"reason": f"it needs more than {memory / 1e9:.1f} GB of memory"}
     except Exception as cause:  # the libraries raise almost anything on a damaged file
         return {"reason": _describe(cause)}
     finally:

@@ -13,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 
-from ankleloop import DataError, LongRecord, load_estimate, load_trial, read_trial
+from ankleloop import DataError, load_estimate, load_trial, read_trial
 from ankleloop.trials import reading_process
 from ankleloop.trials.trial import validate
 from ankleloop.trials.trial_files import load_trials
@@ -50,13 +50,10 @@ def make_file(reader, corpus, rng):
 
 
 def read_file(reader, path, rng):
-    """Read a damaged file, the containers that need not be read whole sometimes as a long record."""
+    """Read a damaged file."""
     options = OPTIONS[rng.integers(len(OPTIONS))]
     if reader in OWN:
         OWN[reader](path)
-    elif reader not in ("csv", "csv.gz", "matlab") and rng.integers(4) == 0:
-        record = LongRecord(path, **{"reference": None, **options})
-        record.read(0, min(record.samples, 100))
     else:
         validate(read_trial(path, **options))
 

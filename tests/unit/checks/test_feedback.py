@@ -8,7 +8,7 @@ from scipy import stats
 from ankleloop import DataError, segment, simulate
 from ankleloop.checks.loop import LARGEST_BIAS, feedback_test, fit_stiffness, path_bias
 from ankleloop.joint.prepared import prepare
-from ankleloop.signals.reference import project_on_reference, unseen_share
+from ankleloop.signals.responses import project_on_reference, unseen_share
 
 ASSUMED = np.array([1.1, 7.1, 250.0])
 LOADS = {

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy import signal as sps
 
 from ankleloop.errors import DataError
-from ankleloop.signals.reference import predict_from_reference
+from ankleloop.signals.responses import predict_from_reference
 from ankleloop.subspace.input_matrices import OutputRegression, simulate_response
 
 SEEDS = st.integers(0, 2**32 - 1)

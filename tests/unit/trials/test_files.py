@@ -15,9 +15,7 @@ import xarray as xr
 
 from ankleloop import (
     DataError,
-    LongRecord,
     identify,
-    identify_file,
     load_trial,
     save_estimate,
     save_trial,
@@ -134,25 +132,6 @@ def soft_link(path):
 def detour(path):
     (path.parent / "folder").mkdir()
     return path.parent / "folder" / ".." / path.name
-
-
-@pytest.mark.parametrize(
-    "alias", [lambda path: path, hard_link, soft_link, detour], ids=["name", "hard", "soft", ".."]
-)
-@pytest.mark.parametrize(("overwrite", "swapped"), [(False, False), (True, False), (True, True)])
-def test_a_long_record_is_never_written_over(recording, alias, overwrite, swapped):
-    before, other = recording.read_bytes(), alias(recording)
-    source, output = (other, recording) if swapped else (recording, other)
-    with pytest.raises(DataError, match=r"the file is being read \(.*\): write to another name"):
-        identify_file(LongRecord(source), output, overwrite=overwrite)
-    assert recording.read_bytes() == other.read_bytes() == before
-
-
-def test_torques_are_replaced_only_with_overwrite(recording, tmp_path):
-    (tmp_path / "torques.nc").write_text("of another record")
-    with pytest.raises(DataError, match="the file exists already"):
-        identify_file(LongRecord(recording), tmp_path / "torques.nc")
-    identify_file(LongRecord(recording), tmp_path / "torques.nc", overwrite=True).torque.close()
 
 
 # --- What is no file

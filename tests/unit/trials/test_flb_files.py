@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bad_inputs.flb_files import POSITION, RATE, TIME, TORQUE, flb_case
+from bad_inputs.flb_files import POSITION, RATE, TORQUE, flb_case
 
-from ankleloop import DataError, LongRecord, read_trial
+from ankleloop import DataError, read_trial
 from ankleloop.trials.reading_process import list_variables
 
 
@@ -62,13 +62,6 @@ def test_channels_of_one_name(tmp_path):
             position="POS",
             torque="POS2",
         )
-
-
-def test_long_records(tmp_path):
-    path = write(tmp_path / "S1.flb", flb_case(), flb_case(kind=-2, scale=0.5))
-    record = LongRecord(path, position="POS", torque="TQ", reference=None, case=2)
-    assert (record.samples, record.rate) == (TIME.size, RATE)
-    np.testing.assert_allclose(record.read(100, 200)["torque"], 0.5 * TORQUE[100:200], atol=2e-4)
 
 
 def test_a_case_of_another_container(tmp_path):

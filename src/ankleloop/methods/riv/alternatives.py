@@ -10,9 +10,10 @@ import numpy as np
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point, solve_scaled
+from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES
+from ankleloop.signals.least_squares import solve_scaled
 
 SIGNIFICANT = 4.5  # standard errors
 ONE_SIDED = ("high-pass", "friction", "compression")  # the opposite is no effect of an instrument

@@ -12,6 +12,7 @@ from ankleloop.joint.dynamics import GRIDS, ReflexDynamics, respond
 from ankleloop.joint.hammerstein import ReflexPath
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Regressors
+from ankleloop.signals.least_squares import solve_scaled
 from ankleloop.signals.spectra import Band, pass_band
 
 NOISE_RESOLUTION = 0.4  # Hz
@@ -26,7 +27,6 @@ NO_POLE = 100.0  # of that limit: a third pole that is held there is none
 INCOMPLETE = 0.01  # probability of a residual that depends as much on the movement, if the model were complete
 REACH = 0.5  # s within which a residual may depend on the movement
 WHITENING = 1.0  # Hz
-SINGULAR = 1e-12  # of the largest singular value of scaled equations
 DIFFERENCE = 1e-5  # of a logarithm, or s, for second derivatives
 DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unknown delay
 
@@ -284,15 +284,6 @@ class Equations:
         number, late = divmod(best, shifts.size)
         shift = float(shifts[late])
         return Parameters(linear, GRIDS[order][number], shift, delays=("delay",) * estimate_delay)
-
-
-def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve normal equations whose unknowns differ in unit; directions without information get zero."""
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), np.finfo(float).tiny))
-    solution = np.linalg.lstsq(
-        normal * (scale[:, None] * scale), (right.T * scale).T, rcond=SINGULAR
-    )[0]
-    return (solution.T * scale).T
 
 
 @lru_cache(maxsize=2)

@@ -21,10 +21,10 @@ from ankleloop.methods.riv.equations import (
     NOISE_RESOLUTION,
     Equations,
     Point,
-    solve_scaled,
 )
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import option
+from ankleloop.signals.least_squares import solve_scaled
 from ankleloop.signals.vaf import TWO_SIDED
 
 SEGMENT = 1.0  # s: over this the products of residual and instruments may be correlated

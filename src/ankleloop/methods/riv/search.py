@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankleloop.methods.riv.equations import Equations, Parameters, Point, solve_scaled
+from ankleloop.methods.riv.equations import Equations, Parameters, Point
+from ankleloop.signals.least_squares import solve_scaled
 
 LARGEST_STEPS = {
     "omega_n": 0.4,

@@ -11,13 +11,14 @@ from scipy.fft import irfft
 
 from ankleloop.joint.dynamics import GRIDS, ReflexDynamics, respond
 from ankleloop.methods.riv.alternatives import Alternative, compute_shifts
-from ankleloop.methods.riv.equations import Parameters, fit_grid, solve_scaled
+from ankleloop.methods.riv.equations import Parameters, fit_grid
 from ankleloop.methods.riv_tv.equations import (
     MEAN_SPLINES,
     Motion,
     TimeVaryingEquations,
     WhitenedSystem,
 )
+from ankleloop.signals.least_squares import solve_scaled
 from ankleloop.signals.spectra import smooth
 
 INTEGRATION = 2001  # places at which squares of splines are summed

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import DataError
-from ankleloop.signals.reference import fit_finite_response, predict_decimated
+from ankleloop.signals.responses import fit_finite_response, predict_decimated
 
 
 def test_a_finite_response_in_coloured_noise():

@@ -94,15 +94,18 @@ def predict_from_reference(
         _cut_records(references, signals, leads, lags, references[0].shape[1])
     )
     padded = [np.pad(_centre(record), ((lags, leads), (0, 0))) for record in references]
-    return [_shift(record, leads + lags + 1) @ coefficients for record in padded]
+    return [lag_matrix(record, leads, lags) @ coefficients for record in padded]
 
 
-def _shift(reference: np.ndarray, taps: int) -> np.ndarray:
-    """Leads and lags at all samples that have them, from the oldest lag to the furthest lead.
+def lag_matrix(x: np.ndarray, leads: int, lags: int) -> np.ndarray:
+    """Leads and lags of signals at all samples that have them: x(t + leads), …, x(t), …, x(t - lags) in row t.
 
-    Shapes: reference (N,) or (N, q); returns (N - taps + 1, taps), or q times as many columns.
+    A product with it is a response with the taps h(-leads), …, h(lags). One signal gives a view, several a copy with
+    the columns of one signal after those of the other.
+
+    Shapes: x (N,) or (N, q); returns (N - leads - lags, q (leads + lags + 1)).
     """
-    windows = np.lib.stride_tricks.sliding_window_view(reference, taps, axis=0)
+    windows = np.lib.stride_tricks.sliding_window_view(x, leads + lags + 1, axis=0)[..., ::-1]
     return windows.reshape(len(windows), -1)
 
 
@@ -120,7 +123,9 @@ def _cut_records(
     """Leads and lags of the references of each record that is longer than these, and the signals."""
     taps = leads + lags + 1
     pairs = [pair for pair in zip(references, signals, strict=True) if len(pair[0]) > taps]
-    parts = [(_shift(r, taps), _centre(signal[lags : len(r) - leads])) for r, signal in pairs]
+    parts = [
+        (lag_matrix(r, leads, lags), _centre(signal[lags : len(r) - leads])) for r, signal in pairs
+    ]
     rows, needed = sum(len(signal) for _, signal in parts), rows_per_tap * taps
     if rows < needed:
         raise DataError(
