@@ -38,3 +38,5 @@ QUANTITIES = {
     "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
     "delay": Quantity("reflex delay", "delay", "s", (0.02, 0.07)),
 }
+
+STIFFNESS = ("K", "B", "I")  # of position, velocity and acceleration, in this order
