@@ -17,10 +17,12 @@ from ankleloop.errors import DataError
 from ankleloop.kernels import kernel
 
 # Fractions of the identification rate: for 100 Hz data, flat to 38 Hz and zero from the Nyquist frequency of 50 Hz on.
-PASSBAND, STOPBAND = 0.38, 0.50
+PASSBAND = 0.38
+STOPBAND = 0.50
 ATTENUATION_DB = 90.0
 # Band of the velocity at the input of the static nonlinearity [Hz]; less where the sampling rate is low.
-VELOCITY_PASSBAND, VELOCITY_STOPBAND = 150.0, 250.0
+VELOCITY_PASSBAND = 150.0
+VELOCITY_STOPBAND = 250.0
 
 
 def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
@@ -28,10 +30,11 @@ def decimation_factor(sampling_rate: float, identification_rate: float) -> int:
     ratio = sampling_rate / identification_rate
     factor = round(ratio)
     if factor < 1 or abs(ratio - factor) > 1e-6 * factor:
+        divisor = max(1, int(np.ceil(ratio - 1e-9)))
         raise DataError(
             f"the sampling rate ({sampling_rate:g} Hz) is not a whole multiple of the identification rate "
             f"({identification_rate:g} Hz): choose an identification_rate that divides it, "
-            f"for example {sampling_rate / max(1, int(np.ceil(ratio - 1e-9))):.12g} Hz, or resample the record."
+            f"for example {sampling_rate / divisor:.12g} Hz, or resample the record."
         )
     return factor
 
@@ -46,17 +49,12 @@ def design_lowpass(
     Shapes: returns taps (2 half + 1,).
     """
     # Kaiser's formulas (1974), because importing scipy.signal takes longer than most jobs of the workflow.
-    half = (
-        int(
-            np.ceil(
-                (ATTENUATION_DB - 7.95) / (2.285 * 2 * np.pi * (stopband - passband) / rate) + 1
-            )
-        )
-        // 2
-        + 1
-    )
-    window = np.kaiser(2 * half + 1, 0.1102 * (ATTENUATION_DB - 8.7))
-    taps = window * np.sinc((passband + stopband) / rate * np.arange(-half, half + 1))
+    transition = 2 * np.pi * (stopband - passband) / rate
+    order = np.ceil((ATTENUATION_DB - 7.95) / (2.285 * transition) + 1)
+    half = int(order) // 2 + 1
+    beta = 0.1102 * (ATTENUATION_DB - 8.7)
+    times = np.arange(-half, half + 1)
+    taps = np.kaiser(2 * half + 1, beta) * np.sinc((passband + stopband) / rate * times)
     taps /= taps.sum()
     if derivative == 0 and shift == 0.0:
         return taps, half
@@ -64,11 +62,11 @@ def design_lowpass(
     half_length = half + max(8, half // 4)
     size = int(2 ** np.ceil(np.log2(8 * half_length)))
     padded = np.pad(taps, (0, size - taps.size))
-    omega = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
-    spectrum = (
-        np.fft.rfft(np.roll(padded, -half)) * omega**derivative * np.exp(-omega * shift / rate)
-    )
-    return np.roll(np.fft.irfft(spectrum, size), half_length)[: 2 * half_length + 1], half_length
+    s = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
+    spectrum = np.fft.rfft(np.roll(padded, -half))
+    spectrum = spectrum * s**derivative * np.exp(-s * shift / rate)
+    centred = np.fft.irfft(spectrum, size)
+    return np.roll(centred, half_length)[: 2 * half_length + 1], half_length
 
 
 @lru_cache(maxsize=64)
@@ -99,7 +97,8 @@ def decimate(
     """
     signal = np.asarray(x, dtype=float)
     taps, half = decimation_taps(factor, derivative)
-    start, stop = first - half, first + factor * (count - 1) + half + 1
+    start = first - half
+    stop = first + factor * (count - 1) + half + 1
     if count < 1 or start < 0 or stop > signal.shape[-1]:
         raise DataError(
             f"a record of {signal.shape[-1]} samples is too short: decimation by {factor} needs samples "
@@ -108,7 +107,8 @@ def decimate(
     if derivative:
         # Constants are in the null space of a derivative: removing them first keeps the rounding small.
         signal = signal - signal.mean(axis=-1, keepdims=True)
-    return convolve_strided(signal, taps, start, factor, count) * (rate / factor) ** derivative
+    decimated = convolve_strided(signal, taps, start, factor, count)
+    return decimated * (rate / factor) ** derivative
 
 
 def convolve_strided(
@@ -119,9 +119,9 @@ def convolve_strided(
     Shapes: x (N,), taps (M,); returns (count,).
     """
     rows = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
-    return _sum_products(rows, np.ascontiguousarray(taps[::-1]), start, stride, count).reshape(
-        *x.shape[:-1], count
-    )
+    weights = np.ascontiguousarray(taps[::-1])
+    samples = _sum_products(rows, weights, start, stride, count)
+    return samples.reshape(*x.shape[:-1], count)
 
 
 # Sums may be reordered, so that the compiler adds several terms at a time.
@@ -146,7 +146,8 @@ def convolve(x: np.ndarray, taps: np.ndarray) -> np.ndarray:
     """
     length = x.size + taps.size - 1
     size = next_fast_len(length, real=True)
-    return irfft(rfft(x, size) * rfft(taps, size), size)[:length]
+    spectrum = rfft(x, size) * rfft(taps, size)
+    return irfft(spectrum, size)[:length]
 
 
 @lru_cache(maxsize=64)
@@ -155,9 +156,9 @@ def velocity_taps(rate: float, delay: float) -> tuple[np.ndarray, int, int]:
     stopband = min(VELOCITY_STOPBAND, 0.5 * rate)
     passband = min(VELOCITY_PASSBAND, 0.6 * stopband)
     whole = round(delay * rate)
-    return *design_lowpass(
-        float(rate), passband, stopband, 1, round(delay * rate - whole, 9)
-    ), whole
+    fraction = round(delay * rate - whole, 9)
+    taps, half = design_lowpass(float(rate), passband, stopband, derivative=1, shift=fraction)
+    return taps, half, whole
 
 
 def differentiation_margin(rate: float, delay: float = 0.0) -> tuple[int, int]:
@@ -173,13 +174,15 @@ def differentiate(x: ArrayLike, rate: float, delay: float = 0.0) -> np.ndarray:
 
     Shapes: x (N,); returns (N,).
     """
-    x = np.asarray(x, dtype=float)
+    signal = np.asarray(x, dtype=float)
     taps, half, whole = velocity_taps(rate, delay)
-    if x.size < taps.size + abs(whole):
+    needed = taps.size + abs(whole)
+    if signal.size < needed:
         raise DataError(
-            f"a record of {x.size} samples is too short to differentiate: it takes at least {taps.size + abs(whole)}."
+            f"a record of {signal.size} samples is too short to differentiate: it takes at least {needed}."
         )
-    velocity = convolve_strided(x - x.mean(), taps, 0, 1, x.size - taps.size + 1)
+    count = signal.size - taps.size + 1
+    velocity = convolve_strided(signal - signal.mean(), taps, start=0, stride=1, count=count)
     # velocity[k] belongs to sample k + half; a delay of `whole` samples moves it to k + half + whole.
-    index = np.clip(np.arange(x.size) - half - whole, 0, velocity.size - 1)
-    return velocity[index]
+    index = np.arange(signal.size) - half - whole
+    return velocity[np.clip(index, 0, count - 1)]

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 SINGULAR = 1e-12  # of the largest singular value of scaled equations
 TINY = np.finfo(float).tiny
+
+
+class ScaledFit(NamedTuple):
+    """Least squares of scaled columns."""
+
+    coefficients: np.ndarray  # shape (k,), of the columns as they were
+    rank: int
+    condition: float
 
 
 def solve_scaled(
@@ -15,9 +25,11 @@ def solve_scaled(
 
     Shapes: normal (k, k), right (k,) or (k, n); returns as right.
     """
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(normal)), TINY))
-    scaled = normal * (scale[:, None] * scale)
-    solution = np.linalg.lstsq(scaled, (right.T * scale).T, rcond=rank_tolerance)[0]
+    power = np.maximum(np.abs(np.diag(normal)), TINY)
+    scale = 1.0 / np.sqrt(power)
+    scaled_normal = normal * (scale[:, None] * scale)
+    scaled_right = (right.T * scale).T
+    solution = np.linalg.lstsq(scaled_normal, scaled_right, rcond=rank_tolerance)[0]
     return (solution.T * scale).T
 
 
@@ -26,5 +38,23 @@ def fit_scaled(regressors: np.ndarray, target: np.ndarray, rank_tolerance: float
 
     Shapes: regressors (N, k), target (N,); returns (k,).
     """
-    scale = np.maximum(regressors.std(axis=0), TINY)
-    return np.linalg.lstsq(regressors / scale, target, rcond=rank_tolerance)[0] / scale
+    deviation = np.maximum(regressors.std(axis=0), TINY)
+    return fit_columns(regressors, target, deviation, rank_tolerance).coefficients
+
+
+def fit_columns(
+    columns: np.ndarray, target: np.ndarray, scale: np.ndarray, rank_tolerance: float
+) -> ScaledFit:
+    """Least squares of a target on columns that are divided by a scale first.
+
+    Shapes: columns (N, k), target (N,), scale (k,).
+    """
+    solution, _, rank, values = np.linalg.lstsq(columns / scale, target, rcond=rank_tolerance)
+    return ScaledFit(solution / scale, int(rank), condition_number(values, int(rank)))
+
+
+def condition_number(values: np.ndarray, rank: int) -> float:
+    """Ratio of the largest singular value to the smallest one that counts; infinite where none does."""
+    if not rank:
+        return np.inf
+    return float(values[0] / values[rank - 1])

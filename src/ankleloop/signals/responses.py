@@ -1,12 +1,24 @@
-"""Responses of signals to leads and lags of a reference: what it explains of them is free of fed-back torque.
+r"""Responses of signals to leads and lags of a source: least squares, and what a response explains.
 
-Zero-phase decimation needs leads, a lightly damped load long lags.
+.. math:: y(t) = \sum_{k=-leads}^{lags} h(k) \, x(t - k) + v(t)
+
+What a reference explains of a signal is free of torque that is fed back. Zero-phase decimation needs leads, a lightly
+damped load long lags.
+
+There is one estimator, least squares of the taps h, and two ways to its normal equations:
+
+- from the matrix of leads and lags (`lag_matrix`), for several records and several channels: the taps are common to all
+  records, and only samples count whose leads and lags lie within their record (`project_on_reference`, `unseen_share`,
+  `predict_from_reference`);
+- from correlations, for one signal of one long record: the length of the record hardly counts, and frequencies may have
+  weights (`fit_finite_response`, `predict_decimated`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -15,17 +27,21 @@ from ankleloop.errors import DataError
 from ankleloop.signals.decimation import PASSBAND, convolve, decimate, decimation_taps
 from ankleloop.signals.spectra import smooth
 
-LEADS, LAGS = 0.15, 0.80  # s
-RIDGE = 1e-3  # of the power of the source: it settles what lies beyond the pass band
-RESOLUTION = 0.8  # Hz: width over which the noise spectrum is smoothed
-DISCARDED = 1e-6  # of the largest eigenvalue of the reference's covariance: beyond the pass band there is nothing
-ROWS_PER_LAG = 4  # at least
-CHUNK = 20_000  # rows whose leads and lags are in memory at a time
+RESPONSE_LEADS = 0.15  # s
+RESPONSE_LAGS = 0.80  # s
+ROWS_PER_TAP = 4  # at least
+ROWS_AT_ONCE = 20_000  # whose leads and lags are in memory
+UNEXCITED = 1e-6  # of the largest eigenvalue of the source's covariance: beyond the pass band there is nothing
+SOURCE_RIDGE = 1e-3  # of the power of the source: it settles what lies beyond the pass band
+NOISE_RESOLUTION = 0.8  # Hz: width over which the noise spectrum is smoothed
+NOISE_FLOOR = 1e-12  # of the largest noise in the pass band
 
 
-# For each record leads and lags of the reference, shape (rows, shifts), and signals at the same samples less their
-# means, shape (rows, channels).
-Parts = Sequence[tuple[np.ndarray, np.ndarray]]
+class LaggedRecord(NamedTuple):
+    """Leads and lags of the source in a record, and the signals at the same samples."""
+
+    lagged: np.ndarray  # shape (rows, taps)
+    signals: np.ndarray  # shape (rows,) or (rows, channels), less their means
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +51,22 @@ class ReferenceProjection:
     # Shape (rows, channels): for each record the channels less their means, without the ends that leads and lags
     # touch.
     signals: list[np.ndarray]
-    residuals: list[
-        np.ndarray
-    ]  # shape (rows, channels): what the common response to the reference leaves
+    # Shape (rows, channels): what the common response to the reference leaves.
+    residuals: list[np.ndarray]
     rows: int  # samples of all records
     shrinkage: float  # share of a residual's power that the fit to the reference leaves in it
+
+
+def lag_matrix(x: np.ndarray, leads: int, lags: int) -> np.ndarray:
+    """Leads and lags of signals at all samples that have them: x(t + leads), …, x(t), …, x(t - lags) in row t.
+
+    A product with it is a response with the taps h(-leads), …, h(lags). One signal gives a view, several a copy with
+    the columns of one signal after those of the other.
+
+    Shapes: x (N,) or (N, q); returns (N - leads - lags, q (leads + lags + 1)).
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(x, leads + lags + 1, axis=0)
+    return windows[..., ::-1].reshape(len(windows), -1)
 
 
 def project_on_reference(
@@ -52,13 +79,17 @@ def project_on_reference(
 
     Shapes: references (N,), channels (N, channels).
     """
-    parts = _cut_records(
-        references, channels, round(LEADS * rate), round(LAGS * rate), ROWS_PER_LAG
+    leads = round(RESPONSE_LEADS * rate)
+    lags = round(RESPONSE_LAGS * rate)
+    records = _cut_records(references, channels, leads, lags, ROWS_PER_TAP)
+    taps, rank = _fit_response(records)
+    rows = _count_rows(records)
+    return ReferenceProjection(
+        signals=[record.signals for record in records],
+        residuals=_residuals(records, taps),
+        rows=rows,
+        shrinkage=1.0 - rank / rows,
     )
-    coefficients, rank = _fit_response(parts)
-    signals = [signal for _, signal in parts]
-    rows = sum(map(len, signals))
-    return ReferenceProjection(signals, _residuals(parts, coefficients), rows, 1.0 - rank / rows)
 
 
 def unseen_share(
@@ -68,19 +99,17 @@ def unseen_share(
 
     Shapes: references, signals (N,).
     """
-    parts = _cut_records(
-        references, signals, round(LEADS * rate), round(LAGS * rate), 2 * ROWS_PER_LAG
-    )
-    pairs = [[np.split(x, [len(x) // 2]) for x in part] for part in parts]
-    halves = [
-        [(shifted[half], _centre(signal[half])) for shifted, signal in pairs] for half in (0, 1)
-    ]
-    residual = 0.0
-    for training, test in (halves, halves[::-1]):
-        residual += sum(
-            float(np.sum(part**2)) for part in _residuals(test, _fit_response(training)[0])
-        )
-    return 1.0 - residual / sum(float(np.sum(signal**2)) for half in halves for _, signal in half)
+    leads = round(RESPONSE_LEADS * rate)
+    lags = round(RESPONSE_LAGS * rate)
+    records = _cut_records(references, signals, leads, lags, 2 * ROWS_PER_TAP)
+    first = [_cut_rows(record, slice(None, len(record.signals) // 2)) for record in records]
+    second = [_cut_rows(record, slice(len(record.signals) // 2, None)) for record in records]
+    unexplained = 0.0
+    for training, unseen in ((first, second), (second, first)):
+        taps, _ = _fit_response(training)
+        unexplained += _sum_squares(_residuals(unseen, taps))
+    total = _sum_squares([record.signals for record in first + second])
+    return 1.0 - unexplained / total
 
 
 def predict_from_reference(
@@ -90,82 +119,18 @@ def predict_from_reference(
 
     Shapes: signals (N, m), references (N, q); returns (N, m).
     """
-    coefficients, _ = _fit_response(
-        _cut_records(references, signals, leads, lags, references[0].shape[1])
-    )
-    padded = [np.pad(_centre(record), ((lags, leads), (0, 0))) for record in references]
-    return [lag_matrix(record, leads, lags) @ coefficients for record in padded]
-
-
-def lag_matrix(x: np.ndarray, leads: int, lags: int) -> np.ndarray:
-    """Leads and lags of signals at all samples that have them: x(t + leads), …, x(t), …, x(t - lags) in row t.
-
-    A product with it is a response with the taps h(-leads), …, h(lags). One signal gives a view, several a copy with
-    the columns of one signal after those of the other.
-
-    Shapes: x (N,) or (N, q); returns (N - leads - lags, q (leads + lags + 1)).
-    """
-    windows = np.lib.stride_tricks.sliding_window_view(x, leads + lags + 1, axis=0)[..., ::-1]
-    return windows.reshape(len(windows), -1)
-
-
-def _centre(x: np.ndarray) -> np.ndarray:
-    return x - x.mean(axis=0)
-
-
-def _cut_records(
-    references: Sequence[np.ndarray],
-    signals: Sequence[np.ndarray],
-    leads: int,
-    lags: int,
-    rows_per_tap: int,
-) -> Parts:
-    """Leads and lags of the references of each record that is longer than these, and the signals."""
-    taps = leads + lags + 1
-    pairs = [pair for pair in zip(references, signals, strict=True) if len(pair[0]) > taps]
-    parts = [
-        (lag_matrix(r, leads, lags), _centre(signal[lags : len(r) - leads])) for r, signal in pairs
-    ]
-    rows, needed = sum(len(signal) for _, signal in parts), rows_per_tap * taps
-    if rows < needed:
-        raise DataError(
-            f"{rows} samples remain beside {taps} leads and lags of the reference, and {needed} are needed: record "
-            "longer."
-        )
-    return parts
-
-
-def _generate_rows(
-    shifted: np.ndarray, signal: np.ndarray
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Leads and lags less their means, and signals, some rows at a time: all at once would not fit in a long record."""
-    mean = shifted.mean(axis=0)
-    for start in range(0, len(shifted), CHUNK):
-        yield shifted[start : start + CHUNK] - mean, signal[start : start + CHUNK]
-
-
-def _fit_response(parts: Parts) -> tuple[np.ndarray, int]:
-    """Coefficients of the leads and lags, and their rank; directions without excitation are left out."""
-    gram = products = np.zeros(1)
-    for part in parts:
-        for chunk, signal in _generate_rows(*part):
-            gram, products = gram + chunk.T @ chunk, products + chunk.T @ signal
-    values, vectors = np.linalg.eigh(gram)
-    excited = values > DISCARDED * values[-1]
-    directions = vectors[:, excited] / np.sqrt(values[excited])
-    return directions @ (directions.T @ products), int(excited.sum())
-
-
-def _residuals(parts: Parts, coefficients: np.ndarray) -> list[np.ndarray]:
-    """What coefficients of the leads and lags leave of the signals."""
-    return [
-        np.concatenate([signal - chunk @ coefficients for chunk, signal in _generate_rows(*part)])
-        for part in parts
-    ]
+    channels = references[0].shape[1]
+    taps, _ = _fit_response(_cut_records(references, signals, leads, lags, channels))
+    padded = [np.pad(_centre(reference), ((lags, leads), (0, 0))) for reference in references]
+    return [lag_matrix(reference, leads, lags) @ taps for reference in padded]
 
 
 def fit_finite_response(
-    y: np.ndarray, x: np.ndarray, rate: float, leads: float = LEADS, lags: float = LAGS
+    y: np.ndarray,
+    x: np.ndarray,
+    rate: float,
+    leads: float = RESPONSE_LEADS,
+    lags: float = RESPONSE_LAGS,
 ) -> np.ndarray:
     r"""Finite response of a signal to leads and lags of another, by weighted least squares.
 
@@ -181,17 +146,16 @@ def fit_finite_response(
             f"reference: record at least {4 * shifts.size / rate:.3g} s."
         )
     size = int(2 ** np.ceil(np.log2(y.size + shifts.size)))
-    spectrum, target = np.fft.rfft(x - x.mean(), size), np.fft.rfft(y - y.mean(), size)
+    source = np.fft.rfft(x - x.mean(), size)
+    signal = np.fft.rfft(y - y.mean(), size)
     passband = np.fft.rfftfreq(size) <= PASSBAND
-    noise, taps = np.ones(passband.size), np.zeros(size)
-    for _ in range(2):
-        weight = np.where(passband, 1.0 / np.maximum(noise, 1e-12 * noise[passband].max()), 0.0)
-        autocorrelation = np.fft.irfft(weight * np.abs(spectrum) ** 2, size)[: shifts.size]
-        autocorrelation[0] *= 1.0 + RIDGE
-        products = np.fft.irfft(weight * spectrum.conj() * target, size)[shifts]
-        taps[shifts] = linalg.solve_toeplitz(autocorrelation, products)
-        noise = smooth(np.abs(target - np.fft.rfft(taps) * spectrum) ** 2, RESOLUTION * size / rate)
-    return taps[shifts]
+    taps = np.zeros(size)
+    taps[shifts] = _solve_correlations(source, signal, passband.astype(float), shifts)
+    residual = signal - np.fft.rfft(taps) * source
+    noise = smooth(np.abs(residual) ** 2, NOISE_RESOLUTION * size / rate)
+    floor = NOISE_FLOOR * noise[passband].max()
+    weights = np.where(passband, 1.0 / np.maximum(noise, floor), 0.0)
+    return _solve_correlations(source, signal, weights, shifts)
 
 
 def apply_response(taps: np.ndarray, x: np.ndarray, leads: int) -> np.ndarray:
@@ -219,5 +183,93 @@ def predict_decimated(
     recorded_taps = np.zeros(factor * (taps.size - 1) + 1)
     recorded_taps[::factor] = taps
     lowpass, half = decimation_taps(factor, 0)
-    leads = half + factor * round(LEADS * rate / factor)
+    leads = half + factor * round(RESPONSE_LEADS * rate / factor)
     return apply_response(convolve(recorded_taps, lowpass), reference, leads)
+
+
+def _centre(x: np.ndarray) -> np.ndarray:
+    """A signal less its mean."""
+    return x - x.mean(axis=0)
+
+
+def _sum_squares(signals: Sequence[np.ndarray]) -> float:
+    """Sum of the squares of all samples."""
+    return sum(float(np.sum(signal**2)) for signal in signals)
+
+
+def _count_rows(records: Sequence[LaggedRecord]) -> int:
+    """Samples of all records."""
+    return sum(len(record.signals) for record in records)
+
+
+def _cut_rows(record: LaggedRecord, rows: slice) -> LaggedRecord:
+    """A part of a record."""
+    return LaggedRecord(record.lagged[rows], _centre(record.signals[rows]))
+
+
+def _cut_records(
+    sources: Sequence[np.ndarray],
+    signals: Sequence[np.ndarray],
+    leads: int,
+    lags: int,
+    rows_per_tap: int,
+) -> list[LaggedRecord]:
+    """Leads and lags of the source, and the signals, of each record that is longer than these."""
+    taps = leads + lags + 1
+    records = []
+    for source, signal in zip(sources, signals, strict=True):
+        if len(source) > taps:
+            inner = signal[lags : len(source) - leads]
+            records.append(LaggedRecord(lag_matrix(source, leads, lags), _centre(inner)))
+    rows = _count_rows(records)
+    needed = rows_per_tap * taps
+    if rows < needed:
+        raise DataError(
+            f"{rows} samples remain beside {taps} leads and lags of the reference, and {needed} are needed: record "
+            "longer."
+        )
+    return records
+
+
+def _generate_rows(record: LaggedRecord) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Leads and lags less their means, and signals, some rows at a time: all at once would not fit in a long record."""
+    mean = record.lagged.mean(axis=0)
+    for start in range(0, len(record.lagged), ROWS_AT_ONCE):
+        rows = slice(start, start + ROWS_AT_ONCE)
+        yield record.lagged[rows] - mean, record.signals[rows]
+
+
+def _fit_response(records: Sequence[LaggedRecord]) -> tuple[np.ndarray, int]:
+    """Taps that are common to the records, and their rank; directions without excitation are left out."""
+    gram = np.zeros(1)
+    products = np.zeros(1)
+    for record in records:
+        for lagged, signals in _generate_rows(record):
+            gram = gram + lagged.T @ lagged
+            products = products + lagged.T @ signals
+    values, vectors = np.linalg.eigh(gram)
+    excited = values > UNEXCITED * values[-1]
+    directions = vectors[:, excited] / np.sqrt(values[excited])
+    return directions @ (directions.T @ products), int(excited.sum())
+
+
+def _residuals(records: Sequence[LaggedRecord], taps: np.ndarray) -> list[np.ndarray]:
+    """What a response leaves of the signals of each record."""
+    return [
+        np.concatenate([signals - lagged @ taps for lagged, signals in _generate_rows(record)])
+        for record in records
+    ]
+
+
+def _solve_correlations(
+    source: np.ndarray, signal: np.ndarray, weights: np.ndarray, shifts: np.ndarray
+) -> np.ndarray:
+    """Taps by normal equations of correlations, from the spectra of the source and of the signal.
+
+    Shapes: source, signal, weights (F,), shifts (taps,); returns (taps,).
+    """
+    size = 2 * (source.size - 1)
+    autocorrelation = np.fft.irfft(weights * np.abs(source) ** 2, size)[: shifts.size]
+    autocorrelation[0] *= 1.0 + SOURCE_RIDGE
+    products = np.fft.irfft(weights * source.conj() * signal, size)[shifts]
+    return linalg.solve_toeplitz(autocorrelation, products)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ankleloop.signals.decimation import PASSBAND
 
-LOWEST = 0.05  # Hz: drifts and means lie below
+LOWEST_FREQUENCY = 0.05  # Hz: drifts and means lie below
 TAPER_SHARE = 0.1  # of the record, half of it at either end
 
 
@@ -35,10 +35,9 @@ class Band:
     def bins(self) -> slice:
         """Those of the frequencies of the records that lie within the band."""
         frequency = np.fft.rfftfreq(self.samples, 1.0 / self.rate)
-        return slice(
-            np.searchsorted(frequency, self.lowest),
-            np.searchsorted(frequency, self.highest, side="right"),
-        )
+        first = np.searchsorted(frequency, self.lowest)
+        stop = np.searchsorted(frequency, self.highest, side="right")
+        return slice(first, stop)
 
     @cached_property
     def frequency(self) -> np.ndarray:
@@ -65,9 +64,8 @@ class Band:
 
         Shapes: x (..., N); returns (..., frequencies).
         """
-        return np.fft.rfft((x - x.mean(axis=-1, keepdims=True)) * self.taper, axis=-1)[
-            ..., self.bins
-        ]
+        tapered = (x - x.mean(axis=-1, keepdims=True)) * self.taper
+        return np.fft.rfft(tapered, axis=-1)[..., self.bins]
 
     def signals(self, spectra: np.ndarray) -> np.ndarray:
         """Signals whose transforms are given within the band and zero elsewhere, shape (..., samples)."""
@@ -91,7 +89,7 @@ class Band:
 @lru_cache(maxsize=8)
 def pass_band(samples: int, rate: float) -> Band:
     """The band of an identification: from 0.05 Hz to the end of the pass band of the decimation."""
-    return Band(samples, rate, LOWEST, PASSBAND * rate)
+    return Band(samples, rate, lowest=LOWEST_FREQUENCY, highest=PASSBAND * rate)
 
 
 def segment_spectra(x: np.ndarray, length: int, step: int) -> np.ndarray:
@@ -100,9 +98,8 @@ def segment_spectra(x: np.ndarray, length: int, step: int) -> np.ndarray:
     Shapes: x (N,); returns (segments, length // 2 + 1).
     """
     segments = np.lib.stride_tricks.sliding_window_view(x, length)[::step]
-    return np.fft.rfft(
-        (segments - segments.mean(axis=1, keepdims=True)) * np.hanning(length), axis=1
-    )
+    deviations = segments - segments.mean(axis=1, keepdims=True)
+    return np.fft.rfft(deviations * np.hanning(length), axis=1)
 
 
 def coherence(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -122,7 +119,8 @@ def smooth(power: np.ndarray, width: float) -> np.ndarray:
     Shapes: power (F,); returns (F,).
     """
     window = _window(width, power.size)
-    return np.convolve(np.pad(power, window.size // 2, mode="reflect"), window, mode="valid")
+    mirrored = np.pad(power, window.size // 2, mode="reflect")
+    return np.convolve(mirrored, window, mode="valid")
 
 
 def _window(width: float, size: int) -> np.ndarray:

@@ -7,7 +7,7 @@ from scipy import linalg
 
 from ankleloop.kernels import kernel
 
-LARGEST = 1e12  # entry of a matrix whose exponential needs no balancing
+LARGEST_ENTRY = 1e12  # of a matrix whose exponential needs no balancing
 
 
 def lowpass_denominator(frequency: float, damping: float, pole: float | None = None) -> np.ndarray:
@@ -15,10 +15,12 @@ def lowpass_denominator(frequency: float, damping: float, pole: float | None = N
 
     .. math:: (s^2 + 2 \zeta \omega_n s + \omega_n^2) \, (s + p)
 
-    Shapes: returns (3,).
+    Shapes: returns (3,), with a further pole (4,).
     """
     denominator = np.array([1.0, 2 * damping * frequency, frequency**2])
-    return denominator if pole is None else np.convolve(denominator, [1.0, pole])
+    if pole is None:
+        return denominator
+    return np.convolve(denominator, [1.0, pole])
 
 
 def companion(denominator: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -43,19 +45,19 @@ def step_matrices(
     """
     n, m = B.shape
     M = np.zeros((n + 2 * m, n + 2 * m))
-    M[:n, :n], M[:n, n : n + m] = A * step, B * step
+    M[:n, :n] = A * step
+    M[:n, n : n + m] = B * step
     M[n : n + m, n + m :] = np.eye(m)
     scale = np.ones(len(M))
-    if (
-        np.abs(M).max() >= LARGEST
-    ):  # the states of a fast filter differ by many powers of ten: they are scaled alike
-        with np.errstate(
-            invalid="ignore"
-        ):  # SciPy converts scales to the numbers of a permutation, which is not used
+    # The states of a fast filter differ by many powers of ten: they are scaled alike.
+    if np.abs(M).max() >= LARGEST_ENTRY:
+        # SciPy converts scales to the numbers of a permutation, which is not used.
+        with np.errstate(invalid="ignore"):
             M, (scale, _) = linalg.matrix_balance(M, permute=False, separate=True)
     E = linalg.expm(M) * scale[:, None] / scale
-    F, constant, slope = E[:n, :n], E[:n, n : n + m], E[:n, n + m :]
-    return F, constant - slope, slope
+    constant = E[:n, n : n + m]
+    slope = E[:n, n + m :]
+    return E[:n, :n], constant - slope, slope
 
 
 @kernel()
@@ -69,7 +71,9 @@ def simulate_states(
     states = np.empty((len(u) + 1, len(A)))
     states[0] = x0
     for t in range(len(u)):
-        x, x_next, drive = states[t], states[t + 1], u[t]
+        x = states[t]
+        x_next = states[t + 1]
+        drive = u[t]
         for i in range(len(A)):
             total = 0.0
             for j in range(B.shape[1]):

@@ -17,8 +17,9 @@ def confidence_margin(sd: ArrayLike, n: ArrayLike, level: float = 0.95) -> np.nd
 
     .. math:: t_{(1 + level) / 2, \, n - 1} \; sd / \sqrt{n}
     """
-    n = np.asarray(n, dtype=float)
-    return special.stdtrit(n - 1.0, 0.5 + level / 2) * sd / np.sqrt(np.maximum(n, 1.0))
+    trials = np.asarray(n, dtype=float)
+    quantile = special.stdtrit(trials - 1.0, 0.5 + level / 2)
+    return quantile * sd / np.sqrt(np.maximum(trials, 1.0))
 
 
 def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:
@@ -49,31 +50,31 @@ def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:
     >>> float(round(vaf([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 4.0]), 6))
     85.0
     """
-    error, signal = _centre(measured, estimated)
+    error, signal = _error_and_signal(measured, estimated)
     return 100.0 * (1.0 - (error @ error) / (signal @ signal))
 
 
-def _centre(measured: ArrayLike, estimated: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+def _error_and_signal(measured: ArrayLike, estimated: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     """Error and measured signal less their means."""
-    signals = {
-        "measured": as_real(measured, "measured signal"),
-        "estimated": as_real(estimated, "estimated signal"),
-    }
-    y, estimate = signals.values()
+    y = as_real(measured, "measured signal")
+    estimate = as_real(estimated, "estimated signal")
     if y.ndim != 1 or y.shape != estimate.shape or y.size < 2:
         raise DataError(
             f"VAF needs two 1-D signals of equal length, 2 samples or more; got measured of shape {y.shape} and "
             f"estimated of shape {estimate.shape}: cut both to the same samples."
         )
-    for name, signal in signals.items():
-        faults = np.flatnonzero(~np.isfinite(signal))
+    for name, values in (("measured", y), ("estimated", estimate)):
+        faults = np.flatnonzero(~np.isfinite(values))
         if faults.size:
             raise DataError(
                 f"the {name} signal is not finite at sample {faults[0]} ({faults.size} samples in all)."
             )
-    error, signal = (x - x.mean() for x in (y - estimate, y))
+    error = y - estimate
+    error = error - error.mean()
+    signal = y - y.mean()
     # A constant differs from its mean by rounding only, so its variance is compared with the size of the signal.
-    if not signal @ signal / signal.size > (np.finfo(float).eps * np.max(np.abs(y))) ** 2:
+    rounding = np.finfo(float).eps * np.max(np.abs(y))
+    if not signal @ signal / signal.size > rounding**2:
         raise DataError("the measured signal is constant, so it has no variance to account for.")
     return error, signal
 
@@ -105,15 +106,14 @@ def vaf_with_interval(
 
     Shapes: measured, estimated (N,).
     """
-    error, signal = _centre(measured, estimated)
+    error, signal = _error_and_signal(measured, estimated)
     if not error.any():
         return 100.0, 100.0, 100.0
     influence = error**2 / np.mean(error**2) - signal**2 / np.mean(signal**2)
-    deviation = TWO_SIDED * np.sqrt(
-        _sum_covariances(influence, min(lags + 1, error.size)) / error.size
-    )
+    variance = _sum_covariances(influence, min(lags + 1, error.size)) / error.size
+    factor = np.exp(TWO_SIDED * np.sqrt(variance))
     share = (error @ error) / (signal @ signal)
-    value, low, high = (
-        float(100.0 * (1.0 - share * np.exp(sign * deviation))) for sign in (0.0, 1.0, -1.0)
-    )
-    return value, low, high
+    value = 100.0 * (1.0 - share)
+    low = 100.0 * (1.0 - share * factor)
+    high = 100.0 * (1.0 - share / factor)
+    return float(value), float(low), float(high)
