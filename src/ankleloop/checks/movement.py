@@ -248,9 +248,7 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
         return Finding("excitation", "refused", text)
     # Decimation leaves the uppermost part of the band empty, which limits the rank of any movement.
     attainable = int(np.floor(2 * PASSBAND * rows))
-    grams = [
-        hankel_gram([velocity[:, None]], rows, subtract_means=False) for velocity in velocities
-    ]
+    grams = [hankel_gram(velocity[:, None], rows, subtract_means=False) for velocity in velocities]
     values = np.linalg.eigvalsh(np.sum(grams, axis=0))[::-1]
     rank = int(np.count_nonzero(values > EXCITED * values[0]))
     if rank < attainable:

@@ -15,7 +15,7 @@ class ScaledFit(NamedTuple):
 
     coefficients: np.ndarray  # shape (k,), of the columns as they were
     rank: int
-    condition: float
+    singular_values: np.ndarray  # shape (k,), of the scaled columns
 
 
 def solve_scaled(
@@ -50,7 +50,7 @@ def fit_columns(
     Shapes: columns (N, k), target (N,), scale (k,).
     """
     solution, _, rank, values = np.linalg.lstsq(columns / scale, target, rcond=rank_tolerance)
-    return ScaledFit(solution / scale, int(rank), condition_number(values, int(rank)))
+    return ScaledFit(solution / scale, int(rank), values)
 
 
 def condition_number(values: np.ndarray, rank: int) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +11,8 @@ from ankleloop.errors import DataError
 from ankleloop.kernels import kernel
 from ankleloop.options import check_integer
 
-COLUMNS = 2048  # at a time
-SUM = 256  # products: sums of sums round less than one long sum
+COLUMNS_AT_ONCE = 2048
+PRODUCTS_OF_A_SUM = 256  # sums of sums round less than one long sum
 
 
 def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarray:
@@ -47,52 +47,41 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
     array([[1., 2., 3.],
            [2., 3., 4.]])
     """
-    sizes = {"rows": rows, "columns": columns, "first": first}
-    rows, columns, first = (
-        check_integer("block_hankel", name, size) for name, size in sizes.items()
-    )
-    x = np.asarray(x, dtype=float)
-    x = x[:, None] if x.ndim == 1 else x
-    if min(rows, columns) < 1 or first < 0 or first + rows + columns - 1 > x.shape[0]:
+    block_rows = check_integer("block_hankel", "rows", rows)
+    columns = check_integer("block_hankel", "columns", columns)
+    first = check_integer("block_hankel", "first", first)
+    signal = np.asarray(x, dtype=float)
+    if signal.ndim == 1:
+        signal = signal[:, None]
+    stop = first + block_rows + columns - 1
+    if min(block_rows, columns) < 1 or first < 0 or stop > len(signal):
         raise DataError(
-            f"a signal of {x.shape[0]} samples has no Hankel matrix of {rows} block rows and {columns} columns from "
-            f"sample {first}: use a longer record or fewer block rows."
+            f"a signal of {len(signal)} samples has no Hankel matrix of {block_rows} block rows and {columns} columns "
+            f"from sample {first}: use a longer record or fewer block rows."
         )
+    windows = np.lib.stride_tricks.sliding_window_view(signal[first:stop], block_rows, axis=0)
     # Column-major, so that its transpose goes into least squares without a copy.
-    windows = np.lib.stride_tricks.sliding_window_view(
-        x[first : first + rows + columns - 1], rows, axis=0
-    )
-    return windows.transpose(0, 2, 1).reshape(columns, rows * x.shape[1]).T
+    return windows.transpose(0, 2, 1).reshape(columns, -1).T
 
 
-def generate_columns(
-    chunks: Iterable[np.ndarray], window: int, rows: np.ndarray
-) -> Iterator[np.ndarray]:
-    """Columns of some rows of the Hankel matrix of a record that comes in chunks, some columns at a time.
+def generate_columns(x: np.ndarray, window: int, rows: np.ndarray) -> Iterator[np.ndarray]:
+    """Columns of some rows of the Hankel matrix of a record, some columns at a time.
 
-    Shapes: chunks (N, m), rows (k,); returns (columns, k).
+    Shapes: x (N, m), rows (k,); returns (columns, k).
     """
-    rest: np.ndarray | None = None
-    for chunk in chunks:
-        x = chunk if rest is None else np.concatenate([rest, chunk])
-        count = max(0, len(x) - window + 1)
-        lags, channels = np.divmod(rows, x.shape[1])
-        for start in range(0, count, COLUMNS):
-            columns = min(COLUMNS, count - start)
-            piece = np.ascontiguousarray(x[start : start + columns + window - 1].T)
-            shifts = np.lib.stride_tricks.sliding_window_view(piece, columns, axis=1)
-            yield shifts[channels, lags].T  # column-major, as factorisations take it
-        rest = x[count:]
+    count = len(x) - window + 1
+    lags, channels = np.divmod(rows, x.shape[1])
+    for start in range(0, count, COLUMNS_AT_ONCE):
+        columns = min(COLUMNS_AT_ONCE, count - start)
+        piece = np.ascontiguousarray(x[start : start + columns + window - 1].T)
+        shifts = np.lib.stride_tricks.sliding_window_view(piece, columns, axis=1)
+        yield shifts[channels, lags].T  # column-major, as factorisations take it
 
 
 def hankel_gram(
-    chunks: Iterable[np.ndarray],
-    window: int,
-    lags: np.ndarray | None = None,
-    *,
-    subtract_means: bool = True,
+    x: np.ndarray, window: int, lags: np.ndarray | None = None, *, subtract_means: bool = True
 ) -> np.ndarray:
-    r"""Gram matrix H Hᵀ of the Hankel matrix of a record that comes in chunks, each row less its mean.
+    r"""Gram matrix H Hᵀ of the Hankel matrix of a record, each row less its mean.
 
     Rows of a Hankel matrix are shifts of one signal. So the products of each pair of block rows follow from those of
     the pair before, by the samples that enter and leave the window of n columns,
@@ -106,26 +95,23 @@ def hankel_gram(
     `lags` says for each channel up to how many block rows later its products with other rows are computed; the rest is
     nan. A record without a single column has products of zero.
 
-    Shapes: chunks (N, m), lags (m,); returns (window * m, window * m).
+    Shapes: x (N, m), lags (m,); returns (window * m, window * m).
     """
-    head, tail, columns = np.empty((0, 0)), np.empty((0, 0)), 0
-    products: np.ndarray | float = 0.0
-    sums: np.ndarray | float = 0.0
-    for chunk in chunks:
-        x = np.concatenate([tail, chunk]) if tail.size else chunk
-        count = max(0, len(x) - window + 1)
-        if count and not columns:
-            head = x[: window - 1].copy()
-        tail, columns = x[count:].copy(), columns + count
-        sums = sums + np.einsum(
-            "tc->c", x[:count]
-        )  # a fourth of the time of sum over a few channels
-        reach = np.full(x.shape[1], window) if lags is None else lags
-        products = products + _sum_lagged_products(np.ascontiguousarray(x), count, reach, window)
-    if not columns:
-        return np.zeros((window * tail.shape[1],) * 2)
-    shifts = np.cumsum(tail - head, axis=0)
-    means = np.concatenate([sums, (sums + shifts).ravel()]) * (subtract_means / np.sqrt(columns))
+    channels = x.shape[1]
+    columns = len(x) - window + 1
+    if columns < 1:
+        return np.zeros((window * channels, window * channels))
+    if lags is None:
+        lags = np.full(channels, window)
+    products = _sum_lagged_products(np.ascontiguousarray(x), columns, lags, window)
+    head = x[: window - 1]
+    tail = x[columns:]
+    means = np.zeros(window * channels)
+    if subtract_means:
+        # A fourth of the time of sum over a few channels.
+        sums = np.einsum("tc->c", x[:columns])
+        later_sums = sums + np.cumsum(tail - head, axis=0)
+        means = np.concatenate([sums, later_sums.ravel()]) * (1.0 / np.sqrt(columns))
     return _displace_products(products, head.ravel(), tail.ravel(), means)
 
 
@@ -137,22 +123,25 @@ def _sum_lagged_products(x, columns, lags, window):
     Samples follow each other in memory, so those of all lags are one row of numbers.
     """
     channels = x.shape[1]
-    flat, width = x.ravel(), window * channels
-    sums, part = np.zeros((channels, width)), np.zeros((channels, width))
+    flat = x.ravel()
+    width = window * channels
+    sums = np.zeros((channels, width))
+    part = np.zeros((channels, width))
     # Four columns at a time, because sums are then loaded and stored a fourth as often.
-    for start in range(0, columns, SUM):
-        stop = min(start + SUM, columns)
+    for start in range(0, columns, PRODUCTS_OF_A_SUM):
+        stop = min(start + PRODUCTS_OF_A_SUM, columns)
         whole = stop - (stop - start) % 4
         for t in range(start, whole, 4):
-            at = t * channels
-            row, second = flat[at : at + width], flat[at + channels : at + channels + width]
-            third, fourth = flat[at + 2 * channels :][:width], flat[at + 3 * channels :][:width]
+            first = flat[t * channels :][:width]
+            second = flat[(t + 1) * channels :][:width]
+            third = flat[(t + 2) * channels :][:width]
+            fourth = flat[(t + 3) * channels :][:width]
             for i in range(channels):
-                a, b, c, d = row[i], second[i], third[i], fourth[i]
+                a, b, c, d = first[i], second[i], third[i], fourth[i]
                 for k in range(lags[i] * channels):
-                    part[i, k] += a * row[k] + b * second[k] + c * third[k] + d * fourth[k]
+                    part[i, k] += a * first[k] + b * second[k] + c * third[k] + d * fourth[k]
         for t in range(whole, stop):
-            row = flat[t * channels : t * channels + width]
+            row = flat[t * channels :][:width]
             for i in range(channels):
                 for k in range(lags[i] * channels):
                     part[i, k] += row[i] * row[k]

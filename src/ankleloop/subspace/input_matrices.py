@@ -2,31 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
+from scipy.linalg import lapack, solve_discrete_are
 
 from ankleloop.errors import DataError
 from ankleloop.options import show_value
+from ankleloop.signals.least_squares import condition_number, fit_columns
 from ankleloop.signals.statespace import simulate_states
 
-BLOCK = 16  # columns of a panel, or an eighth of all: narrow ones leave most of the work to matrix products
+PANEL = 16  # columns, or an eighth of all: narrow ones leave most of the work to matrix products
+# Of the largest singular value: what rounding leaves of the responses of dependent inputs, and of products of these.
+RESPONSE_ROUNDING = 1e-10
+PRODUCT_ROUNDING = 1e-15
+STATE_NOISE = 1e-8  # of the output noise, in the filter of an unstable model: it moves poles off the unit circle
 
 
 class InputMatrices(NamedTuple):
-    """B, D and initial state, and the regression that gave them."""
+    """B, D, initial state and offset, and the regression that gave them."""
 
     B: np.ndarray  # shape (n, m)
     D: np.ndarray  # shape (p, m)
-    initial_state: (
-        np.ndarray
-    )  # shape (n,), of merged records (records, n): state at the first sample
+    initial_state: np.ndarray  # shape (records, n): state at the first sample
+    offsets: np.ndarray  # shape (records, p), of the outputs
     rank: int  # rank of the regression
     condition: float  # its condition
+    determined: bool  # whether the inputs are rich enough for B and D
 
 
 def simulate_response(
@@ -43,7 +48,7 @@ def simulate_response(
     ----------
     A, B, C, D : ndarray
         The model.
-    u : ndarray, shape (N, m)
+    u : ndarray, shape (N, m); of one input also (N,)
         Inputs.
     x0 : array_like, shape (n,), optional
         Initial state; zero by default.
@@ -55,7 +60,7 @@ def simulate_response(
     Raises
     ------
     ValueError
-        If A, B and the initial state differ in their number of states.
+        If the matrices, inputs and initial state differ in their number of states, inputs or outputs.
 
     Examples
     --------
@@ -63,18 +68,39 @@ def simulate_response(
     >>> simulate_response(A, B, C, D, np.array([[1.0], [0.0], [0.0]])).ravel()
     array([0. , 1. , 0.5])
     """
-    x0 = np.zeros(A.shape[0]) if x0 is None else np.asarray(x0, dtype=float)
-    if (
-        x0.shape != A.shape[:1] or A.shape != (B.shape[0],) * 2
-    ):  # compiled code does not check its indices
-        raise ValueError(
-            f"A {A.shape}, B {B.shape} and x0 {x0.shape} must have one number of states."
-        )
-    A, B, drive = (
-        np.ascontiguousarray(x, dtype=float) for x in (A, B, u)
-    )  # one type, for which it is compiled
-    states, _ = simulate_states(A, B, drive, x0)
-    return states @ C.T + u @ D.T
+    inputs = np.asarray(u, dtype=float)
+    if inputs.ndim == 1:
+        inputs = inputs[:, None]
+    start = np.zeros(len(A)) if x0 is None else np.asarray(x0, dtype=float)
+    _check_sizes(A, B, C, D, inputs, start)
+    # One type, for which it is compiled.
+    drive = np.ascontiguousarray(inputs)
+    dynamics = np.ascontiguousarray(A, dtype=float)
+    gains = np.ascontiguousarray(B, dtype=float)
+    states, _ = simulate_states(dynamics, gains, drive, start)
+    return states @ C.T + inputs @ D.T
+
+
+def _check_sizes(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, u: np.ndarray, x0: np.ndarray
+) -> None:
+    """Refuse shapes that do not agree: compiled code does not check its indices."""
+    n = len(A)
+    m = B.shape[-1]
+    p = len(C)
+    shapes = {
+        "A": (A.shape, (n, n)),
+        "B": (B.shape, (n, m)),
+        "C": (C.shape, (p, n)),
+        "D": (D.shape, (p, m)),
+        "u": (u.shape, (len(u), m)),
+        "x0": (x0.shape, (n,)),
+    }
+    for name, (shape, expected) in shapes.items():
+        if shape != expected:
+            raise ValueError(
+                f"{name} has shape {shape}, but beside A {A.shape}, B {B.shape} and C {C.shape} it must be {expected}."
+            )
 
 
 class OutputRegression:
@@ -83,6 +109,11 @@ class OutputRegression:
     The output is linear in them, :math:`y(t) = C A^t x_0 + \sum_k C A^{t-1-k} B u(k) + D u(t) + d`. Unless all inputs
     are `dynamic`, the columns of B of all others are zero (Eq. 11). Each record has an initial state and an offset of
     its own; without `offsets` all of these are zero.
+
+    Responses of an unstable A grow without bound. So the regression goes through a filter: with a gain K that makes
+    :math:`A - K C` stable, both sides are multiplied by :math:`M(q) = I - C (q - A + K C)^{-1} K`, which turns
+    :math:`C (q - A)^{-1}` into :math:`C (q - A + K C)^{-1}`. K mirrors the unstable poles at the unit circle, so that M
+    hardly weights frequencies (Forssell and Ljung 2000).
     """
 
     def __init__(
@@ -94,54 +125,65 @@ class OutputRegression:
         records: int,
         *,
         offsets: bool,
+        stable: bool = True,
     ) -> None:
-        flags = (
-            np.ones(inputs, dtype=bool) if dynamic is None else np.asarray(dynamic, dtype=object)
-        )
-        if flags.shape != (inputs,) or not all(
-            isinstance(flag, (bool, np.bool_)) for flag in flags
-        ):
+        flags = np.ones(inputs, dtype=bool)
+        if dynamic is not None:
+            flags = np.asarray(dynamic, dtype=object)
+        are_flags = all(isinstance(flag, (bool, np.bool_)) for flag in flags.flat)
+        if flags.shape != (inputs,) or not are_flags:
             raise ValueError(
                 f"dynamic must be {inputs} flags, True or False for each input, got {show_value(dynamic)}."
             )
-        self.A, self.C, self.inputs, self.records, self.offsets = A, C, inputs, records, offsets
-        self.dynamic = np.flatnonzero(flags)
         p, n = C.shape
+        self.C = np.ascontiguousarray(C)
+        self.inputs = inputs
+        self.offsets = offsets
+        self.dynamic = np.flatnonzero(flags)
+        self.gain = None if stable else find_gain(A, C)
+        self.A = A if self.gain is None else A - self.gain @ C
         # Where the unknowns of D end, of B, of the initial states, and of the offsets.
-        self.edges = list(accumulate([inputs * p, n * self.dynamic.size, records * n, records * p]))
+        counts = [inputs * p, self.dynamic.size * n, records * n, records * p]
+        self.edges = list(accumulate(counts))
 
-    def generate(self, chunks: Iterable[np.ndarray], record: int) -> Iterator[np.ndarray]:
-        """Responses of every output to each unknown, and the outputs in the last column, chunk by chunk of a record.
+    def respond(self, record: np.ndarray, number: int) -> np.ndarray:
+        """Responses of every output to each unknown, and the outputs in the last column, of a record.
 
         The response to a column of B is a row C (q - A)⁻¹ u(t) for each input and output, which follows from the row
         before: n numbers instead of the n² of a state for each entry. That to the initial state starts from C.
 
-        Shapes: chunks (N, m + p); returns (N * p, unknowns + 1).
+        Shapes: record (N, m + p); returns (N * p, unknowns + 1).
         """
         p, n = self.C.shape
-        m, d_end, offset = self.inputs, self.edges[0], self.edges[2] + record * p
-        blocks = [*range(self.dynamic.size), self.dynamic.size + record]
-        transposed, states = np.ascontiguousarray(self.A.T), np.zeros((p, len(blocks), n))
-        states[:, -1] = self.C
-        for x in chunks:
-            u, y = x[:, :m], x[:, m : m + p]
-            drives = np.zeros((len(blocks), len(x), 1))
-            drives[:-1, :, 0] = u.T[self.dynamic]
-            rows = np.zeros((self.edges[-1] + 1, len(x), p))
-            rows[-1] = y
-            for i, row in enumerate(self.C):
-                rows[i:d_end:p, :, i] = u.T
-                for j, (block, drive) in enumerate(zip(blocks, drives, strict=True)):
-                    response, states[i, j] = simulate_states(
-                        transposed, row[:, None], drive, states[i, j]
-                    )
-                    rows[d_end + block * n :][:n, :, i] = response.T
-                rows[offset + i, :, i] = self.offsets
-            yield rows.reshape(len(rows), -1).T
+        samples = len(record)
+        u = record[:, : self.inputs]
+        columns = np.zeros((self.edges[-1] + 1, samples, p))
+        d_end, b_end, state_end, _ = self.edges
+        direct = columns[:d_end].reshape(self.inputs, p, samples, p)
+        dynamic = columns[d_end:b_end].reshape(self.dynamic.size, n, samples, p)
+        initial = columns[b_end + number * n :][:n]
+        offset = columns[state_end + number * p :][:p]
+        columns[-1] = record[:, self.inputs : self.inputs + p]
+        transposed = np.ascontiguousarray(self.A.T)
+        rest = np.zeros(n)
+        silence = np.zeros((samples, 1))
+        drives = [np.ascontiguousarray(u[:, [channel]]) for channel in self.dynamic]
+        for i, row in enumerate(self.C):
+            direct[:, i, :, i] = u.T
+            offset[i, :, i] = self.offsets
+            response, _ = simulate_states(transposed, row[:, None], silence, row)
+            initial[:, :, i] = response.T
+            for entries, drive in zip(dynamic, drives, strict=True):
+                response, _ = simulate_states(transposed, row[:, None], drive, rest)
+                entries[:, :, i] = response.T
+        if self.gain is not None:
+            for signals in (*columns[:d_end], *offset, columns[-1]):
+                signals[:] = simulate_response(self.A, self.gain, -self.C, np.eye(p), signals)
+        return columns.reshape(len(columns), -1).T
 
     def solve(
         self,
-        records: Iterable[Iterable[np.ndarray]],
+        records: Sequence[np.ndarray],
         predicted: Sequence[np.ndarray] | None,
         rank_tolerance: float,
     ) -> InputMatrices:
@@ -151,40 +193,77 @@ class OutputRegression:
         normal equations :math:`\Psi^T \Phi \theta = \Psi^T y` are solved: they are consistent where least squares is
         biased by feedback. Directions below a fraction of the largest one are left out (columns have unit norm).
 
-        Shapes: records (N, m + p), predicted (N, m): then each record must be in one chunk.
+        Shapes: records (N, m + p), predicted (N, m).
         """
-        (p, n), m, size = self.C.shape, self.inputs, self.edges[-1] + 1
-        factor, products, squares, samples = (
-            np.zeros((size, size), order="F"),
-            np.zeros((size - 1, size)),
-            0.0,
-            0,
-        )
+        p, n = self.C.shape
+        unknowns = self.edges[-1]
+        factor = np.zeros((unknowns + 1, unknowns + 1), order="F")
+        products = np.zeros((unknowns, unknowns + 1))
+        squares = np.zeros(unknowns)
+        samples = 0
         for number, record in enumerate(records):
-            for rows in self.generate(record, number):
-                samples += len(rows)
-                if predicted is not None:
-                    z = np.hstack([predicted[number], np.zeros((len(predicted[number]), p))])
-                    psi = next(self.generate([z], number))[:, :-1]
-                    products, squares = products + psi.T @ rows, squares + np.sum(psi**2, axis=0)
-                factor = update_factor(factor, rows)
-        if samples < size - 1:
+            rows = self.respond(record, number)
+            samples += len(rows)
+            if predicted is not None:
+                no_outputs = np.zeros((len(record), p))
+                instruments = self.respond(np.hstack([predicted[number], no_outputs]), number)
+                instruments = instruments[:, :-1]
+                products += instruments.T @ rows
+                squares += np.sum(instruments**2, axis=0)
+            factor = update_factor(factor, rows)
+        if samples < unknowns:
             raise DataError(
-                f"{samples} samples cannot determine {size - 1} entries of B, D, x0: record longer."
+                f"{samples} samples cannot determine {unknowns} entries of B, D, x0: record longer."
             )
         scale = np.linalg.norm(factor[:, :-1], axis=0)
         scale[scale == 0.0] = 1.0
+        equations = factor[:-1]
+        rounding = RESPONSE_ROUNDING
         if predicted is not None:
-            factor[:-1] = products / np.where(squares > 0.0, np.sqrt(squares), 1.0)[:, None]
-        theta, _, rank, values = np.linalg.lstsq(
-            factor[:-1, :-1] / scale, factor[:-1, -1], rcond=rank_tolerance
-        )
-        direct, dynamic, states, _ = np.split(theta / scale, self.edges[:-1])
-        B = np.zeros((n, m))
+            rounding = PRODUCT_ROUNDING
+            sizes = np.where(squares > 0.0, np.sqrt(squares), 1.0)
+            equations = products / sizes[:, None]
+        fit = fit_columns(equations[:, :-1], equations[:, -1], scale, rank_tolerance)
+        direct, dynamic, states, offsets = np.split(fit.coefficients, self.edges[:-1])
+        B = np.zeros((n, self.inputs))
         B[:, self.dynamic] = dynamic.reshape(-1, n).T
-        states = states if self.records == 1 else states.reshape(-1, n)
-        condition = float(values[0] / values[rank - 1]) if rank else np.inf
-        return InputMatrices(B, direct.reshape(-1, p).T, states, int(rank), condition)
+        return InputMatrices(
+            B=B,
+            D=direct.reshape(-1, p).T,
+            initial_state=states.reshape(-1, n),
+            offsets=offsets.reshape(-1, p),
+            rank=fit.rank,
+            condition=condition_number(fit.singular_values, fit.rank),
+            determined=self._determines_inputs(
+                equations[:, :-1] / scale, fit.singular_values, min(rank_tolerance, rounding)
+            ),
+        )
+
+    def _determines_inputs(
+        self, columns: np.ndarray, singular_values: np.ndarray, rank_tolerance: float
+    ) -> bool:
+        """Whether no entry of D and B depends on other unknowns.
+
+        Initial states and offsets may depend on each other: records may be short.
+        """
+        limit = rank_tolerance * singular_values[0]
+        if singular_values[-1] > limit:
+            return True
+        unknowns = self.edges[1]
+        others = np.linalg.svd(columns[:, unknowns:], compute_uv=False)
+        rank = np.count_nonzero(singular_values > limit)
+        return bool(rank - np.count_nonzero(others > limit) == unknowns)
+
+
+def find_gain(A: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Gain K that makes A - K C stable: that of a Kalman filter almost without noise of the states.
+
+    Shapes: A (n, n), C (p, n); returns (n, p).
+    """
+    p, n = C.shape
+    covariance = solve_discrete_are(A.T, C.T, STATE_NOISE * np.eye(n), np.eye(p))
+    innovation = np.eye(p) + C @ covariance @ C.T
+    return np.linalg.solve(innovation, C @ covariance @ A.T).T
 
 
 def update_factor(factor: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -192,5 +271,5 @@ def update_factor(factor: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
     Shapes: factor (k, k), rows (n, k); returns (k, k).
     """
-    block = min(BLOCK, 1 + len(factor) // 8)
+    block = min(PANEL, 1 + len(factor) // 8)
     return lapack.dtpqrt(0, block, factor, rows, overwrite_a=1, overwrite_b=1)[0]

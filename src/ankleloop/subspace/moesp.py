@@ -1,11 +1,11 @@
 """The MOESP family on any linear data set.
 
-One body serves all: members of the family differ in their instruments and their projection, and data come from a source
-in memory or in chunks.
+One body serves all: members of the family differ in their instruments and their projection.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -15,29 +15,32 @@ from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_memory, show_fields, show_value
-from ankleloop.subspace.input_matrices import OutputRegression
+from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, simulate_response
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.projection import (
+    Projection,
+    Realisation,
     choose_order,
     project_correlation,
     project_factor,
     project_gram,
     realise,
 )
-from ankleloop.subspace.sources import (
-    MemoryOptions,
-    MemorySource,
-    Source,
-    SubspaceOptions,
-    select_rows,
-)
+from ankleloop.subspace.sources import HankelRows, Records, SubspaceOptions, select_rows
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-UNSTABLE = (
-    "least squares gave an unstable A (spectral radius {radius:.4f}) at order {order}; it was replaced by a guaranteed "
-    "stable one. Lower the order or change block_rows, and do not trust these poles."
+UNSTABLE = "least squares gave an unstable A (spectral radius {radius:.4f}) at order {order}; "
+REPLACED = (
+    "it was replaced by a guaranteed stable one. Lower the order or change block_rows, and do not trust these poles; "
+    "subspace.moesp keeps A with stable=False, for an unstable system in a stable loop."
+)
+KEPT = "it was kept (stable=False). Without the loop that stabilises it, a simulation grows without bound."
+UNDETERMINED = (
+    "the inputs do not determine B and D: their regression has rank {rank} for {unknowns} unknowns, so the model holds "
+    "for inputs such as these alone. Use inputs with more frequencies than a sinusoid or a step, leave out inputs that "
+    "follow from others, or lower the order."
 )
 
 
@@ -53,6 +56,10 @@ class SubspaceEstimate:
         They show the order.
     initial_state : ndarray, shape (n,); of merged records (records, n)
         State at the first sample of each record, for data without their means.
+    input_means : ndarray, shape (m,); of merged records (records, m)
+        Means of the inputs of each record; zero without the option `offsets`.
+    offsets : ndarray, shape (p,); of merged records (records, p)
+        What `simulate` adds to the outputs of each record; zero without the option `offsets`.
     diagnostics : dict
         Order, poles, ranks, conditions and warnings.
 
@@ -64,11 +71,19 @@ class SubspaceEstimate:
     >>> estimate = moesp(u, y, block_rows=5, order=1)
     >>> float(np.round(estimate.model.poles()[0].real, 6))
     0.5
+
+    Inputs and outputs may have means: the model is for deviations from them, and the simulation for the data.
+
+    >>> estimate = moesp(u + 4.0, y - 2.0, block_rows=5, order=1)
+    >>> bool(np.allclose(estimate.simulate(u + 4.0)[:, 0], y - 2.0))
+    True
     """
 
     matrices: Matrices
     singular_values: np.ndarray
     initial_state: np.ndarray
+    input_means: np.ndarray
+    offsets: np.ndarray
     diagnostics: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
@@ -76,8 +91,32 @@ class SubspaceEstimate:
         """The model as a `control.StateSpace`."""
         return self.matrices.state_space()
 
+    def simulate(self, u: ArrayLike, record: int = 0) -> np.ndarray:
+        """Outputs of a record for inputs, both with their means, as they were given to `moesp`.
 
-@show_fields(MemoryOptions)
+        It is ``simulate_response(A, B, C, D, u - input_means, initial_state) + offsets``.
+
+        Parameters
+        ----------
+        u : array_like, shape (N, m); of one input also (N,)
+            Inputs from the first sample of the record on.
+        record : int
+            Which of the merged records, whose means, initial state and offsets are taken.
+
+        Returns
+        -------
+        ndarray, shape (N, p)
+        """
+        start = np.atleast_2d(self.initial_state)[record]
+        means = np.atleast_2d(self.input_means)[record]
+        offsets = np.atleast_2d(self.offsets)[record]
+        model = self.matrices
+        return offsets + simulate_response(
+            model.A, model.B, model.C, model.D, np.asarray(u, dtype=float) - means, start
+        )
+
+
+@show_fields(SubspaceOptions)
 def moesp(
     u: Any,
     y: Any,
@@ -127,7 +166,7 @@ def moesp(
     predicted_inputs : array_like, shape (N, m), or list of those, optional
         Noise-free predictions of the inputs to serve as instruments for B and D, instead of linear ones.
     **options
-        Options by name; `ankleloop.subspace.sources.MemoryOptions` describes each of them, with its default.
+        Options by name; `ankleloop.subspace.sources.SubspaceOptions` describes each of them, with its default.
 
     Returns
     -------
@@ -157,76 +196,119 @@ def moesp(
         "instruments": instruments,
         "projection": projection,
     }
-    all_options = MemoryOptions.parse("moesp", **positional, dt=dt, **options)
-    return _identify(
-        MemorySource(u, y, reference, predicted_inputs, all_options), dynamic, all_options
+    all_options = SubspaceOptions.parse("moesp", **positional, dt=dt, **options)
+    records = Records(u, y, reference, predicted_inputs, all_options)
+    m, p, _ = records.sizes
+    if all_options.names is not None:
+        _check_names(all_options.names[0], "inputs", m)
+        _check_names(all_options.names[1], "outputs", p)
+    rows = select_rows(all_options, records.sizes, open_loop=records.open_loop)
+    outcome, compression = _project(records, rows, all_options)
+    chosen_order = all_options.order
+    if chosen_order is None:
+        largest = (all_options.block_rows - 1) // 2
+        chosen_order = choose_order(outcome.singular_values, largest)
+    realisation = realise(outcome.observability, p, chosen_order, stable=all_options.stable)
+    was_stable = realisation.unstable_radius is None
+    regression = OutputRegression(
+        realisation.A,
+        realisation.C,
+        inputs=m,
+        dynamic=dynamic,
+        records=len(records.lengths),
+        offsets=records.offsets,
+        stable=was_stable or all_options.stable,
+    )
+    fit = regression.solve(records.scaled, records.predicted, all_options.regression_tolerance)
+    warnings = []
+    if not was_stable:
+        text = UNSTABLE.format(radius=realisation.unstable_radius, order=chosen_order)
+        warnings.append(text + (REPLACED if all_options.stable else KEPT))
+    if not fit.determined:
+        warnings.append(UNDETERMINED.format(rank=fit.rank, unknowns=regression.edges[-1]))
+    diagnostics = {
+        "order": chosen_order,
+        "poles": realisation.poles,
+        "spectral_radius": float(np.abs(realisation.poles).max()),
+        "rank": outcome.input_rank,
+        "condition": outcome.condition,
+        "instrument_rows": rows.sizes[1],
+        "instrument_rank": outcome.instrument_rank,
+        "input_matrices": all_options.input_matrices,
+        "regression_rank": fit.rank,
+        "regression_condition": fit.condition,
+        "stable": was_stable,
+        "replaced": all_options.stable and not was_stable,
+        "compression": compression,
+        "instruments": all_options.instruments,
+        "projection": all_options.projection,
+        "warnings": warnings,
+    }
+    return _make_estimate(
+        records, realisation, fit, all_options, outcome.singular_values, diagnostics
     )
 
 
-def _identify(
-    source: Source, dynamic: ArrayLike | None, options: SubspaceOptions
-) -> SubspaceEstimate:
-    """The body of the family: project the Hankel rows, realise A and C, estimate B and D."""
-    m, p, _ = source.sizes
-    for kind, group, size in zip(("inputs", "outputs"), options.names or (), (m, p), strict=False):
-        if len(group) != size:
-            raise ValueError(
-                f"names must have {size} names of {kind}, got {show_value(list(group))}."
-            )
-    rows = select_rows(options, source.sizes, open_loop=source.open_loop)
+def _check_names(names: Sequence[str], kind: str, size: int) -> None:
+    """Refuse names that are not one for each channel."""
+    if len(names) != size:
+        raise ValueError(f"names must have {size} names of {kind}, got {show_value(list(names))}.")
+
+
+def _project(
+    records: Records, rows: HankelRows, options: SubspaceOptions
+) -> tuple[Projection, str]:
+    """Project the Hankel rows, and name the compression: inner products, or a triangular factor."""
+    size = rows.indices.size
     # The Gram matrix, a copy in the order of the projection, and its eigenvectors.
     check_memory(
-        "moesp",
-        3 * 8.0 * rows.indices.size**2,
-        "use fewer block_rows, instrument_rows or instrument_leads",
+        "moesp", 3 * 8.0 * size**2, "use fewer block_rows, instrument_rows or instrument_leads"
     )
-    gram = source.compute_gram(rows)
-    columns, size = (
-        sum(max(0, length - rows.window + 1) for length in source.lengths),
-        rows.indices.size,
-    )
+    columns = sum(max(0, length - rows.window + 1) for length in records.lengths)
     if columns < size:
         raise DataError(
-            f"the record of {' + '.join(map(str, source.lengths))} samples is shorter than its Hankel window: "
+            f"the record of {' + '.join(map(str, records.lengths))} samples is shorter than its Hankel window: "
             f"{size} Hankel rows need at least {size + rows.window - 1} samples. Record longer, or use fewer "
             "block_rows or instrument_rows."
         )
-    arguments = rows.sizes, columns, options.rank_tolerance, options.order or 1
+    gram = records.compute_gram(rows)
+    arguments = (rows.sizes, columns, options.rank_tolerance, options.order or 1)
     if options.projection == "correlation":
-        compression, projection = "gram", project_correlation(gram, *arguments)
-    else:
-        squares = project_gram(gram, *arguments)
-        compression = "gram" if squares else "qr"
-        projection = squares or project_factor(source.factor_rows(rows), *arguments)
-    largest = (options.block_rows - 1) // 2
-    order = (
-        choose_order(projection.singular_values, largest)
-        if options.order is None
-        else options.order
-    )
-    A, C, poles, unstable_radius = realise(projection.observability, p, order)
-    regression = OutputRegression(A, C, m, dynamic, len(source.lengths), offsets=source.offsets)
-    inputs = regression.solve(source.records, source.predicted, options.regression_tolerance)
-    u_scale, y_scale = source.scale[:m], source.scale[m : m + p, None]
+        return project_correlation(gram, *arguments), "gram"
+    projection = project_gram(gram, *arguments)
+    if projection is not None:
+        return projection, "gram"
+    return project_factor(records.factor_rows(rows), *arguments), "qr"
+
+
+def _make_estimate(
+    records: Records,
+    realisation: Realisation,
+    fit: InputMatrices,
+    options: SubspaceOptions,
+    singular_values: np.ndarray,
+    diagnostics: dict[str, Any],
+) -> SubspaceEstimate:
+    """The estimate in the units of the data; of a single record its vectors instead of one for each record."""
+    m, p, _ = records.sizes
+    outputs = slice(m, m + p)
+    input_scale = records.scale[:m]
+    output_scale = records.scale[outputs]
     matrices = Matrices(
-        A, inputs.B / u_scale, y_scale * C, y_scale * inputs.D / u_scale, options.dt, options.names
+        A=realisation.A,
+        B=fit.B / input_scale,
+        C=output_scale[:, None] * realisation.C,
+        D=output_scale[:, None] * fit.D / input_scale,
+        dt=options.dt,
+        names=options.names,
     )
-    stable = unstable_radius is None
-    diagnostics = {
-        "order": order,
-        "poles": poles,
-        "spectral_radius": float(np.abs(poles).max()),
-        "rank": projection.input_rank,
-        "condition": projection.condition,
-        "instrument_rows": rows.sizes[1],
-        "instrument_rank": projection.instrument_rank,
-        "input_matrices": "instruments" if source.predicted else "least-squares",
-        "regression_rank": inputs.rank,
-        "regression_condition": inputs.condition,
-        "stable": stable,
-        "compression": compression,
-        "instruments": options.instruments,
-        "projection": options.projection,
-        "warnings": [] if stable else [UNSTABLE.format(radius=unstable_radius, order=order)],
-    }
-    return SubspaceEstimate(matrices, projection.singular_values, inputs.initial_state, diagnostics)
+    chosen = slice(None) if len(records.lengths) > 1 else 0
+    offsets = records.means[:, outputs] + output_scale * fit.offsets
+    return SubspaceEstimate(
+        matrices=matrices,
+        singular_values=singular_values,
+        initial_state=fit.initial_state[chosen],
+        input_means=records.means[chosen, :m],
+        offsets=offsets[chosen],
+        diagnostics=diagnostics,
+    )

@@ -17,16 +17,35 @@ takes a triangular factor of the rows instead; the correlation form consists of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
+from ankleloop.signals.least_squares import condition_number
 
 LEAST_TOLERANCE = 1e-6  # of the directions of instruments: weaker ones show rounding and noise
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
 ACCURACY = 2e-4  # of squared singular values; a bound that adds magnitudes, a hundred times the size of the errors
 MARGIN = 3.0  # between an eigenvalue and its rounding
+
+
+class Directions(NamedTuple):
+    """Unit directions of rows that count by the rank policy."""
+
+    coefficients: np.ndarray  # shape (m, k)
+    condition: float
+    largest: float  # eigenvalue, or a bound of it
+
+
+class Realisation(NamedTuple):
+    """A and C of a model."""
+
+    A: np.ndarray  # shape (n, n)
+    C: np.ndarray  # shape (p, n)
+    poles: np.ndarray  # shape (n,)
+    unstable_radius: float | None  # spectral radius by least squares, where that is unstable
 
 
 @dataclass(frozen=True)
@@ -35,9 +54,8 @@ class Projection:
 
     # Shape (block_rows * p, k): left singular vectors: the first n span the extended observability matrix.
     observability: np.ndarray
-    singular_values: (
-        np.ndarray
-    )  # shape (k,): they show the order; a root mean square, or a correlation
+    # Shape (k,): they show the order; a root mean square, or a correlation.
+    singular_values: np.ndarray
     input_rank: int  # directions of the inputs that count by the rank policy
     instrument_rank: int  # directions of the instruments that count by the rank policy
     condition: float  # ratio of the largest to the smallest singular value of the input directions that count
@@ -58,37 +76,32 @@ def project_gram(
     inputs = _find_directions(gram[:m, :m], rank_tolerance)
     if inputs is None:
         return None
-    directions, condition, largest = inputs
-    components = directions.T @ gram[:m, m:]
+    components = inputs.coefficients.T @ gram[:m, m:]
     residual = gram[m:, m:] - components.T @ components
+    input_rank = inputs.coefficients.shape[1]
+    rounding = ROUNDING * inputs.largest
     # Squared coefficients of the rows, by which their rounding is multiplied: here of the outputs less their fit.
-    output_size = np.sum((directions @ components[:, z:]) ** 2) + len(gram) - m - z
+    output_size = np.sum((inputs.coefficients @ components[:, z:]) ** 2) + len(gram) - m - z
     if z == 0:
         values, vectors = np.linalg.eigh(residual)
-        if not MARGIN * ROUNDING * largest * output_size <= min(
-            ACCURACY * values[-order], values[0]
-        ):
+        if not MARGIN * rounding * output_size <= min(ACCURACY * values[-order], values[0]):
             return None
-        return Projection(
-            vectors[:, ::-1], np.sqrt(values[::-1] / columns), directions.shape[1], 0, condition
-        )
+        singular_values = np.sqrt(values[::-1] / columns)
+        return Projection(vectors[:, ::-1], singular_values, input_rank, 0, inputs.condition)
     tolerance = max(rank_tolerance, LEAST_TOLERANCE)
     instruments = _find_directions(residual[:z, :z], tolerance, gram[m : m + z, m : m + z])
     if instruments is None:
         return None
-    fit = instruments[0].T @ residual[:z, z:]
-    coefficients = instruments[0] @ fit
-    projection = _decompose(
-        fit.T, (directions.shape[1], instruments[0].shape[1]), condition, np.sqrt(columns), order
-    )
-    input_coefficients = directions @ (components[:, :z] @ coefficients)
+    fit = instruments.coefficients.T @ residual[:z, z:]
+    ranks = input_rank, instruments.coefficients.shape[1]
+    projection = _decompose(fit.T, ranks, inputs.condition, np.sqrt(columns), order)
+    coefficients = instruments.coefficients @ fit
+    input_coefficients = inputs.coefficients @ (components[:, :z] @ coefficients)
     fit_size = np.vdot(coefficients, coefficients) + np.vdot(input_coefficients, input_coefficients)
-    error = ROUNDING * largest * (fit_size + 2.0 * np.sqrt(fit_size * output_size))
-    return (
-        projection
-        if error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2
-        else None
-    )
+    error = rounding * (fit_size + 2.0 * np.sqrt(fit_size * output_size))
+    if not error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2:
+        return None
+    return projection
 
 
 def project_factor(
@@ -101,22 +114,17 @@ def project_factor(
     m, z = sizes
     left, values, _ = np.linalg.svd(factor[:m, :m])
     rank = int(np.sum(values > rank_tolerance * values[0]))
-    condition = float(values[0] / values[rank - 1]) if rank else np.inf
+    condition = condition_number(values, rank)
     # Beside the inputs there are the directions of their own rows that do not count, and the rows below.
     residual = np.vstack([left[:, rank:].T @ factor[:m, m:], factor[m:, m:]])
     if z == 0:
         return _decompose(residual.T, (rank, 0), condition, np.sqrt(columns))
     # Relative to the instruments before the inputs were removed, because the residual may be nothing but rounding.
     limit = max(rank_tolerance, LEAST_TOLERANCE) * np.linalg.norm(factor[:, m : m + z], 2)
-    left, values, _ = np.linalg.svd(residual[:, :z], full_matrices=False)
-    directions = left[:, values > limit]
-    return _decompose(
-        residual[:, z:].T @ directions,
-        (rank, directions.shape[1]),
-        condition,
-        np.sqrt(columns),
-        order,
-    )
+    rotation, sizes_left, _ = np.linalg.svd(residual[:, :z], full_matrices=False)
+    directions = rotation[:, sizes_left > limit]
+    ranks = rank, directions.shape[1]
+    return _decompose(residual[:, z:].T @ directions, ranks, condition, np.sqrt(columns), order)
 
 
 def project_correlation(
@@ -134,45 +142,54 @@ def project_correlation(
             f"the correlation form has {z} rows of instruments, but needs at least {m + order} (inputs times block "
             "rows, plus the order): with fewer, nothing but rounding is left. Raise instrument_rows."
         )
-    inputs, outputs = gram[m : m + z, :m], gram[m : m + z, m + z :]
+    instruments = gram[m : m + z]
+    inputs = instruments[:, :m]
+    outputs = instruments[:, m + z :]
     solution, _, rank, values = np.linalg.lstsq(inputs, outputs, rcond=rank_tolerance)
-    condition = float(values[0] / values[rank - 1]) if rank else np.inf
-    squares = np.linalg.eigvalsh(gram[m : m + z, m : m + z])
-    instrument_rank = int(np.sum(squares > max(rank_tolerance**2, z * ROUNDING) * squares[-1]))
-    return _decompose(
-        (outputs - inputs @ solution).T, (int(rank), instrument_rank), condition, columns
-    )
+    squares = np.linalg.eigvalsh(instruments[:, m : m + z])
+    limit = max(rank_tolerance**2, z * ROUNDING) * squares[-1]
+    ranks = int(rank), int(np.sum(squares > limit))
+    residual = outputs - inputs @ solution
+    return _decompose(residual.T, ranks, condition_number(values, int(rank)), columns)
 
 
 def _find_directions(
     gram: np.ndarray, rank_tolerance: float, total: np.ndarray | None = None
-) -> tuple[np.ndarray, float, float] | None:
-    """Coefficients of unit directions of rows that count, shape (m, k), their condition, and the largest eigenvalue.
+) -> Directions | None:
+    """Directions of rows that count, relative to the largest eigenvalue of `gram` or of `total`.
 
-    None if rounding leaves open which directions count, by the largest eigenvalue of `gram` or of `total`.
+    None if rounding leaves open which directions count.
     """
-    bound = np.abs(gram if total is None else total).sum(axis=0).max()  # of the largest eigenvalue
+    largest_of = gram if total is None else total
+    bound = np.abs(largest_of).sum(axis=0).max()  # of the largest eigenvalue
     rounding = MARGIN * len(gram) * ROUNDING
-    factor, info = lapack.dpotrf(gram)
-    inverse, info = lapack.dtrtri(factor) if not info else (factor, info)
-    if (
-        not info and max(rounding, rank_tolerance**2) * bound * np.vdot(inverse, inverse) < 1.0
-    ):  # then all count
-        return inverse, float(np.sqrt(bound / lapack.dpocon(factor, 1.0)[0])), bound
-    if rank_tolerance**2 < rounding:
+    limit = rank_tolerance**2
+    inverse, condition = _invert_factor(gram, bound)
+    if inverse is not None and max(rounding, limit) * bound * np.vdot(inverse, inverse) < 1.0:
+        return Directions(inverse, condition, bound)  # then all count
+    if limit < rounding:
         return None
     values, vectors = np.linalg.eigh(gram)
-    largest, limit = values[-1], rank_tolerance**2
+    largest = values[-1]
     if total is not None and np.any((values > limit * largest) & (values <= limit * bound)):
         largest = np.linalg.eigvalsh(total)[-1]  # between the two: only here it makes a difference
     count = int(np.sum(values > limit * largest))
     if not count:
-        return np.empty((len(gram), 0)), np.inf, float(values[-1])
-    return (
-        vectors[:, -count:] / np.sqrt(values[-count:]),
-        float(np.sqrt(values[-1] / values[-count])),
-        float(largest),
-    )
+        return Directions(np.empty((len(gram), 0)), np.inf, float(values[-1]))
+    coefficients = vectors[:, -count:] / np.sqrt(values[-count:])
+    condition = float(np.sqrt(values[-1] / values[-count]))
+    return Directions(coefficients, condition, float(largest))
+
+
+def _invert_factor(gram: np.ndarray, bound: float) -> tuple[np.ndarray | None, float]:
+    """Inverse of the triangular factor, if there is one, and the condition of the rows."""
+    factor, info = lapack.dpotrf(gram)
+    if info:
+        return None, np.inf
+    inverse, info = lapack.dtrtri(factor)
+    if info:
+        return None, np.inf
+    return inverse, float(np.sqrt(bound / lapack.dpocon(factor, 1.0)[0]))
 
 
 def _decompose(
@@ -192,28 +209,33 @@ def _decompose(
 
 
 def choose_order(singular_values: np.ndarray, largest: int) -> int:
-    """Order at the largest drop between consecutive singular values."""
+    """Order at the largest drop between consecutive singular values; of a single one 1."""
     values = singular_values[: largest + 1]
-    return int(np.argmax(values[:-1] / np.maximum(values[1:], np.finfo(float).tiny))) + 1
+    if values.size < 2:
+        return 1
+    drops = values[:-1] / np.maximum(values[1:], np.finfo(float).tiny)
+    return int(np.argmax(drops)) + 1
 
 
 def realise(
-    observability: np.ndarray, outputs: int, order: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float | None]:
-    """A and C by shift invariance of the extended observability matrix, stable in any case.
+    observability: np.ndarray, outputs: int, order: int, *, stable: bool = True
+) -> Realisation:
+    """A and C by shift invariance of the extended observability matrix, on request stable in any case.
 
     Where least squares gives an unstable A, the shifted matrix is extended by a block of zeros instead: with
     orthonormal columns, A is then a contraction (Maciejowski 1995, Guaranteed stability with subspace methods).
 
-    Shapes: observability (block_rows * p, k); returns A (n, n), C (p, n), poles (n,), and the spectral radius of an
-    unstable A that was replaced.
+    Shapes: observability (block_rows * p, k).
     """
     columns = observability[:, :order]
-    C, shifted = columns[:outputs], columns[outputs:]
+    C = columns[:outputs]
+    shifted = columns[outputs:]
     A = np.linalg.lstsq(columns[:-outputs], shifted, rcond=None)[0]
     poles = np.linalg.eigvals(A)
     radius = float(np.max(np.abs(poles)))
     if radius < 1.0:
-        return A, C, poles, None
-    A = columns.T @ np.vstack([shifted, np.zeros((outputs, order))])
-    return A, C, np.linalg.eigvals(A), radius
+        return Realisation(A, C, poles, unstable_radius=None)
+    if stable:
+        A = columns.T @ np.vstack([shifted, np.zeros((outputs, order))])
+        poles = np.linalg.eigvals(A)
+    return Realisation(A, C, poles, unstable_radius=radius)

@@ -1,8 +1,8 @@
-"""Options and data of an identification, instruments among them."""
+"""Options and data of a subspace identification, instruments among them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import reduce
 from typing import Any, Literal, NamedTuple, Self
 
@@ -16,7 +16,7 @@ from ankleloop.subspace.hankel import generate_columns, hankel_gram
 from ankleloop.subspace.input_matrices import update_factor
 
 SIGNALS = ("input", "output", "reference")
-ROUNDING = 1e-13  # of a mean
+MEAN_ROUNDING = 1e-13  # of a mean
 Instruments = Literal["none", "past-input", "past-input-output", "past-reference"]
 INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {
     "none": (),
@@ -27,7 +27,7 @@ INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {
 
 
 class SubspaceOptions(Options):
-    """Options of an identification, wherever its data are."""
+    """Options of a subspace identification."""
 
     block_rows: int = option(
         description="block rows of the future, more than the order", ge=2, le=10000
@@ -61,30 +61,6 @@ class SubspaceOptions(Options):
     regression_tolerance: float = option(
         1e-10, "the same for the regression that gives B and D", ge=0, lt=1
     )
-    names: tuple[Sequence[str], Sequence[str]] | None = option(
-        None, "names of the inputs and of the outputs of the model", strict=False
-    )
-
-    @model_validator(mode="after")
-    def _check_rows(self) -> Self:
-        rows, leads, order = self.block_rows, self.instrument_leads, self.order or 1
-        if rows <= order:
-            raise ValueError(f"block_rows must be larger than the order ({order}), got {rows}.")
-        if leads > rows:
-            raise ValueError(
-                f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}."
-            )
-        if leads and self.instruments != "past-reference":
-            raise ValueError(
-                f"instrument_leads must be 0 unless instruments are made of the reference: with {self.instruments!r} "
-                f"they would not be valid, got {leads}."
-            )
-        return self
-
-
-class MemoryOptions(SubspaceOptions):
-    """Options of an identification from records in memory."""
-
     input_matrices: Literal["least-squares", "instruments"] = option(
         "least-squares",
         "how B and D are estimated; with instruments, the inputs are predicted from the reference",
@@ -99,6 +75,31 @@ class MemoryOptions(SubspaceOptions):
         "remove means, and estimate an offset of each output; without it the data must be deviations from an "
         "equilibrium",
     )
+    stable: bool = option(
+        True,
+        "replace an unstable A by a stable one; without it an unstable plant in a stable loop is kept as it is",
+    )
+    names: tuple[Sequence[str], Sequence[str]] | None = option(
+        None, "names of the inputs and of the outputs of the model", strict=False
+    )
+
+    @model_validator(mode="after")
+    def _check_rows(self) -> Self:
+        rows = self.block_rows
+        leads = self.instrument_leads
+        order = self.order or 1
+        if rows <= order:
+            raise ValueError(f"block_rows must be larger than the order ({order}), got {rows}.")
+        if leads > rows:
+            raise ValueError(
+                f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}."
+            )
+        if leads and self.instruments != "past-reference":
+            raise ValueError(
+                f"instrument_leads must be 0 unless instruments are made of the reference: with {self.instruments!r} "
+                f"they would not be valid, got {leads}."
+            )
+        return self
 
 
 class HankelRows(NamedTuple):
@@ -124,81 +125,29 @@ def select_rows(
         raise DataError(
             "past-reference instruments need a reference: pass the external command of the loop."
         )
-    instruments = np.flatnonzero(np.repeat([name in signals for name in SIGNALS], sizes))
+    are_instruments = np.repeat([name in signals for name in SIGNALS], sizes)
+    instruments = np.flatnonzero(are_instruments)
     past = options.instrument_rows or options.block_rows
     if not instruments.size:
         past = 0
     elif options.instrument_rows is None and options.projection == "correlation":
         # This form spends m·s directions on the inputs; p·s more are for the outputs.
         past = max(past, -(-(inputs + outputs) * past // instruments.size))
-    window, reach = past + options.block_rows, past + options.instrument_leads
+    window = past + options.block_rows
+    reach = past + options.instrument_leads
     starts = sum(sizes) * np.arange(window)
-    parts = (
-        (starts[past:], np.arange(inputs)),
-        (starts[:reach], instruments),
-        (starts[past:], np.arange(inputs, inputs + outputs)),
-    )
-    indices = np.concatenate([np.add.outer(rows, part).ravel() for rows, part in parts])
-    lags = np.full(sum(sizes), options.block_rows)
-    lags[instruments] = window  # they reach into the past, all other channels into the future alone
+    future = starts[past:]
+    input_rows = np.add.outer(future, np.arange(inputs))
+    instrument_rows = np.add.outer(starts[:reach], instruments)
+    output_rows = np.add.outer(future, inputs + np.arange(outputs))
+    # Instruments reach into the past, all other channels into the future alone.
+    lags = np.where(are_instruments, window, options.block_rows)
     return HankelRows(
-        indices, (inputs * options.block_rows, instruments.size * reach), window, lags
+        indices=np.concatenate([input_rows.ravel(), instrument_rows.ravel(), output_rows.ravel()]),
+        sizes=(input_rows.size, instrument_rows.size),
+        window=window,
+        lags=lags,
     )
-
-
-class Source:
-    """Records of inputs, outputs and a reference that serves as instrument, each without its mean and of variance 1."""
-
-    sizes: tuple[int, int, int]  # channels of inputs, outputs and reference
-    scale: np.ndarray  # by which the channels were divided
-    lengths: list[int]  # samples of each record
-    records: Iterable[Iterable[np.ndarray]]  # the channels of each record, in chunks
-    predicted: list[np.ndarray] | None = None  # instruments for the regression of B and D
-    offsets = True
-    open_loop = False  # whether the reference is the inputs
-
-    def name_channel(self, channel: int) -> str:
-        """Signal of a channel, and its number there."""
-        return [
-            f"{name} {k}"
-            for name, size in zip(SIGNALS, self.sizes, strict=True)
-            for k in range(size)
-        ][channel]
-
-    def refuse_not_finite(self, x: np.ndarray, first: int, place: str = "") -> None:
-        """Refuse numbers that are not finite; the samples count from a first one."""
-        finite = np.isfinite(x)
-        if not finite.all():
-            t, channel = np.argwhere(~finite)[0]
-            fault = f"{self.name_channel(channel)} is not finite at sample {first + t}{place}"
-            raise DataError(f"{fault}: cut or repair the record.")
-
-    def refuse_constant(self, deviation: np.ndarray, mean: np.ndarray) -> None:
-        """Refuse channels that deviate from their mean by rounding alone, shapes (channels,)."""
-        constant = deviation <= ROUNDING * mean
-        if constant.any():
-            name = self.name_channel(int(constant.argmax()))
-            raise DataError(f"{name} is constant and carries no information: leave it out.")
-
-    def compute_gram(self, rows: HankelRows) -> np.ndarray:
-        """Inner products of the Hankel rows, each less its mean over each record unless offsets are zero."""
-        grams = (
-            hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
-            for record in self.records
-        )
-        return reduce(np.add, grams)[rows.indices][:, rows.indices]
-
-    def factor_rows(self, rows: HankelRows) -> np.ndarray:
-        """Triangular factor of the same rows."""
-        # Rows of ones before all others take the means of the records.
-        records = len(self.lengths)
-        factor = np.zeros((records + rows.indices.size,) * 2, order="F")
-        for number, record in enumerate(self.records):
-            for columns in generate_columns(record, rows.window, rows.indices):
-                ones = np.zeros((records, len(columns)))
-                ones[number] = self.offsets
-                factor = update_factor(factor, np.concatenate([ones, columns.T]).T)
-        return factor[records:, records:]
 
 
 def list_records(
@@ -220,80 +169,126 @@ def list_records(
                 f"record {k} of the {name} has shape {record.shape}, record 0 {records[0].shape}: every record "
                 "must be (samples, channels), with the same channels."
             )
-    if lengths is not None and len(records) != len(lengths):
+    if lengths is None:
+        return records
+    if len(records) != len(lengths):
         raise DataError(
             f"{len(lengths)} records of inputs, {len(records)} of the {name}: give one for each."
         )
-    for k, (record, length) in enumerate(zip(records, lengths or [], strict=False)):
+    for k, (record, length) in enumerate(zip(records, lengths, strict=True)):
         if len(record) != length:
-            number = f" in record {k}" if len(records) > 1 else ""
+            place = f" in record {k}" if len(records) > 1 else ""
             raise DataError(
-                f"{length} samples of inputs, {len(record)} of the {name}{number}: cut them to one length."
+                f"{length} samples of inputs, {len(record)} of the {name}{place}: cut them to one length."
             )
     return records
 
 
-class MemorySource(Source):
-    """One record or merged records in memory, as `ankleloop.subspace.moesp.moesp` takes them."""
+class Records:
+    """Records of inputs, outputs and a reference that serves as instrument, each without its mean and of variance 1."""
 
     def __init__(
-        self, u: Any, y: Any, reference: Any, predicted: Any, options: MemoryOptions
+        self, u: Any, y: Any, reference: Any, predicted: Any, options: SubspaceOptions
     ) -> None:
-        merged = (
-            isinstance(u, (list, tuple))
-            and len(u) > 0
-            and all(np.ndim(record) == 2 for record in u)
-        )
-        inputs = list_records(u, "input", merged)
+        is_list = isinstance(u, (list, tuple)) and len(u) > 0
+        self.merged = is_list and all(np.ndim(record) == 2 for record in u)
+        inputs = list_records(u, "input", self.merged)
         self.lengths = [len(record) for record in inputs]
-        signals = [inputs, list_records(y, "output", merged, self.lengths)]
-        references = (
-            [] if reference is None else list_records(reference, "reference", merged, self.lengths)
+        signals = [inputs, list_records(y, "output", self.merged, self.lengths)]
+        references = []
+        if reference is not None:
+            references = list_records(reference, "reference", self.merged, self.lengths)
+        serves = bool(references) and options.instruments == "past-reference"
+        # In open loop the reference is the inputs, and is not in the records a second time.
+        self.open_loop = serves and all(map(np.array_equal, references, inputs))
+        if serves and not self.open_loop:
+            signals.append(references)
+        m, p, *others = (channels[0].shape[1] for channels in signals)
+        self.sizes = (m, p, sum(others))
+        self.offsets = options.offsets
+        self._scale(
+            [np.concatenate(parts, axis=1) for parts in zip(*signals, strict=True)], options
         )
-        if references and options.instruments == "past-reference":
-            self.open_loop = all(map(np.array_equal, references, inputs))
-            if not self.open_loop:
-                signals.append(references)
-        m, p, *others = (records[0].shape[1] for records in signals)
-        self.sizes, self.offsets = (m, p, sum(others)), options.offsets
-        records = [np.concatenate(parts, axis=1) for parts in zip(*signals, strict=True)]
-        for k, record in enumerate(records):
-            self.refuse_not_finite(
-                record, 0, f" of record {k}" if merged and len(records) > 1 else ""
-            )
-        means = [np.einsum("tc->c", record) / len(record) for record in records]
-        deviations = [record - mean for record, mean in zip(records, means, strict=True)]
-        squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
-        deviation = np.sqrt(squares / max(sum(self.lengths), 1))
-        self.refuse_constant(deviation, np.abs(means).max(axis=0))
-        self.scale = deviation if options.scaling else np.ones_like(deviation)
-        self.records = [
-            [record / self.scale] for record in (deviations if self.offsets else records)
-        ]
+        self.predicted: list[np.ndarray] | None = None
         if options.input_matrices == "instruments":
-            scaled = [record[:, :m] for (record,) in self.records]
-            self.predicted = self._predict_inputs(scaled, references, predicted, merged)
+            self.predicted = self._predict_inputs(references, predicted)
         elif predicted is not None:
             raise ValueError(
                 "predicted_inputs are instruments for B and D: use input_matrices='instruments' with them."
             )
 
-    def _predict_inputs(
-        self, inputs: list[np.ndarray], references: list[np.ndarray], predicted: Any, merged: bool
-    ) -> list[np.ndarray]:
+    def _scale(self, records: list[np.ndarray], options: SubspaceOptions) -> None:
+        """Subtract the means of each record and divide by the scale of all; refuse what is not usable."""
+        for number, record in enumerate(records):
+            self._refuse_not_finite(record, number)
+        means = np.array([np.einsum("tc->c", record) / len(record) for record in records])
+        deviations = [record - mean for record, mean in zip(records, means, strict=True)]
+        squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
+        deviation = np.sqrt(squares / max(sum(self.lengths), 1))
+        self._refuse_constant(deviation, np.abs(means).max(axis=0))
+        self.scale = deviation if options.scaling else np.ones_like(deviation)
+        self.means = means if self.offsets else np.zeros_like(means)
+        centred = deviations if self.offsets else records
+        self.scaled = [record / self.scale for record in centred]
+
+    def _name_channel(self, channel: int) -> str:
+        """Signal of a channel, and its number there."""
+        names = []
+        for signal, size in zip(SIGNALS, self.sizes, strict=True):
+            names += [f"{signal} {number}" for number in range(size)]
+        return names[channel]
+
+    def _refuse_not_finite(self, record: np.ndarray, number: int) -> None:
+        """Refuse numbers that are not finite."""
+        finite = np.isfinite(record)
+        if not finite.all():
+            sample, channel = np.argwhere(~finite)[0]
+            place = f" of record {number}" if self.merged and len(self.lengths) > 1 else ""
+            fault = f"{self._name_channel(channel)} is not finite at sample {sample}{place}"
+            raise DataError(f"{fault}: cut or repair the record.")
+
+    def _refuse_constant(self, deviation: np.ndarray, mean: np.ndarray) -> None:
+        """Refuse channels that deviate from their mean by rounding alone, shapes (channels,)."""
+        constant = deviation <= MEAN_ROUNDING * mean
+        if constant.any():
+            name = self._name_channel(int(constant.argmax()))
+            raise DataError(f"{name} is constant and carries no information: leave it out.")
+
+    def _predict_inputs(self, references: list[np.ndarray], predicted: Any) -> list[np.ndarray]:
         """Noise-free predictions of the inputs in their scale."""
+        m = self.sizes[0]
         if predicted is None:
             if not references:
                 raise DataError(
                     "input_matrices='instruments' needs a reference: pass the external command of the loop."
                 )
-            return predict_from_reference(inputs, references)
-        records = list_records(predicted, "predicted_inputs", merged, self.lengths)
-        m = self.sizes[0]
-        if records[0].shape[1] != m:
+            return predict_from_reference([record[:, :m] for record in self.scaled], references)
+        predictions = list_records(predicted, "predicted_inputs", self.merged, self.lengths)
+        if predictions[0].shape[1] != m:
             raise DataError(
-                f"{m} inputs, {records[0].shape[1]} predicted_inputs: pass a prediction of each."
+                f"{m} inputs, {predictions[0].shape[1]} predicted_inputs: pass a prediction of each."
             )
-        return [
-            (record - self.offsets * record.mean(axis=0)) / self.scale[:m] for record in records
+        if self.offsets:
+            predictions = [prediction - prediction.mean(axis=0) for prediction in predictions]
+        return [prediction / self.scale[:m] for prediction in predictions]
+
+    def compute_gram(self, rows: HankelRows) -> np.ndarray:
+        """Inner products of the Hankel rows, each less its mean over each record unless offsets are zero."""
+        grams = [
+            hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
+            for record in self.scaled
         ]
+        return reduce(np.add, grams)[rows.indices][:, rows.indices]
+
+    def factor_rows(self, rows: HankelRows) -> np.ndarray:
+        """Triangular factor of the same rows."""
+        # Rows of ones before all others take the means of the records.
+        records = len(self.scaled)
+        size = records + rows.indices.size
+        factor = np.zeros((size, size), order="F")
+        for number, record in enumerate(self.scaled):
+            for columns in generate_columns(record, rows.window, rows.indices):
+                ones = np.zeros((records, len(columns)))
+                ones[number] = self.offsets
+                factor = update_factor(factor, np.concatenate([ones, columns.T]).T)
+        return factor[records:, records:]

@@ -14,9 +14,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 def estimate_input_matrices(A, C, u, y, dynamic=None, predicted=None):
     regression = OutputRegression(A, C, u.shape[1], dynamic, 1, offsets=True)
-    return regression.solve(
-        [[np.hstack([u, y])]], None if predicted is None else [predicted], 1e-10
-    )
+    return regression.solve([np.hstack([u, y])], None if predicted is None else [predicted], 1e-10)
 
 
 def random_model(rng, order, inputs, outputs, radius=0.9):
@@ -88,7 +86,8 @@ def test_exact_recovery(order, inputs, outputs, mask, seed):
     for name, value, truth in (
         ("B", estimate.B, B),
         ("D", estimate.D, D),
-        ("x0", estimate.initial_state, x0),
+        ("x0", estimate.initial_state[0], x0),
+        ("offset", estimate.offsets[0], offset),
     ):
         np.testing.assert_allclose(value, truth, atol=1e-8, err_msg=name)
     np.testing.assert_array_equal(estimate.B[:, ~dynamic], 0.0)
@@ -170,4 +169,46 @@ def test_prediction_by_a_response_with_leads(leads, lags):
     difference = (u - predicted)[5:-5]
     np.testing.assert_allclose(
         difference, np.broadcast_to(difference[0], difference.shape), atol=1e-9
+    )
+
+
+# --- sizes
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "expected"),
+    [
+        ("A", (2, 3), (2, 2)),
+        ("C", (1, 3), (1, 2)),
+        ("D", (1, 2), (1, 1)),
+        ("D", (2, 1), (1, 1)),
+        ("u", (5, 2), (5, 1)),
+        ("u", (5, 1, 1), (5, 1)),
+        ("x0", (3,), (2,)),
+        ("x0", (), (2,)),
+    ],
+)
+def test_sizes_that_do_not_agree_are_refused(name, shape, expected):
+    names = ("A", "B", "C", "D", "u", "x0")
+    shapes = dict(zip(names, [(2, 2), (2, 1), (1, 2), (1, 1), (5, 1), (2,)], strict=True))
+    arrays = [np.ones(size) for size in (shapes | {name: shape}).values()]
+    message = f"{name} has shape {shape}, but beside A .* it must be {expected}."
+    with pytest.raises(ValueError, match=message.replace("(", r"\(").replace(")", r"\)")):
+        simulate_response(*arrays)
+
+
+def test_inputs_of_another_number_than_columns_of_b_are_refused():
+    """Compiled code would read beyond the array."""
+    A, B, C, D = PLANT
+    message = r"u has shape \(10, 3\), but beside A \(2, 2\), B \(2, 1\) and C \(1, 2\) it must be \(10, 1\)"
+    with pytest.raises(ValueError, match=message):
+        simulate_response(A, B, C, D, np.ones((10, 3)))
+    with pytest.raises(ValueError, match=r"u has shape \(10, 1\), .* it must be \(10, 2\)"):
+        simulate_response(A, np.hstack([B, B]), C, np.zeros((1, 2)), np.ones((10, 1)))
+
+
+def test_one_input_may_be_one_dimensional():
+    u = np.random.default_rng(0).standard_normal(20)
+    np.testing.assert_array_equal(
+        simulate_response(*PLANT, u), simulate_response(*PLANT, u[:, None])
     )

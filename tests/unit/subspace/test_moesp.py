@@ -157,7 +157,12 @@ def test_the_order_by_default(instruments):
     assert_same_transfer_function(matrices(estimate), truth, 1e-8)
 
 
-# --- the model
+def test_the_order_by_default_of_the_fewest_block_rows():
+    u = np.random.default_rng(2).standard_normal((400, 1))
+    y = sps.lfilter([0.0, 1.0], [1.0, -0.6], u, axis=0)
+    estimate = moesp(u, y, block_rows=2, order=None)
+    assert estimate.diagnostics["order"] == 1
+    np.testing.assert_allclose(estimate.model.poles(), 0.6, atol=1e-9)
 
 
 # --- the closed loop

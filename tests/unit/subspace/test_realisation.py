@@ -105,6 +105,8 @@ def test_any_column_space_gives_a_stable_system(order, outputs, spare, seed):
         ([5.0, 1e-3, 1e-9], 1, 1),
         ([5.0, 1.0], 5, 1),  # fewer values than the largest order
         ([9.0, 3.0, 1.0], 2, 1),  # of equal drops the first
+        ([9.0], 4, 1),
+        ([9.0, 1.0], 0, 1),
     ],
 )
 def test_choose_order(values, largest, order):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from ankleloop.subspace.input_matrices import OutputRegression
+from ankleloop.signals.vaf import vaf
+from ankleloop.subspace.input_matrices import OutputRegression, simulate_response
 from ankleloop.subspace.moesp import moesp
 
 A, B = np.array([[0.8, 0.3], [-0.3, 0.7]]), np.array([[1.0, 0.5], [0.2, -1.0]])
@@ -74,9 +75,40 @@ def test_the_regression_without_offsets_has_no_column_for_them(u):
         [respond(e[:4].reshape(2, 2), e[4:6].reshape(1, 2), e[6:], u) for e in units]
     )
     theta = np.linalg.lstsq(phi, y[:, 0], rcond=None)[0]
-    fit = OutputRegression(A, C, 2, None, 1, offsets=False).solve(
-        [[np.hstack([u, y])]], None, 1e-10
-    )
+    fit = OutputRegression(A, C, 2, None, 1, offsets=False).solve([np.hstack([u, y])], None, 1e-10)
     np.testing.assert_allclose(fit.B.ravel(), theta[:4], rtol=1e-9)
     np.testing.assert_allclose(fit.D.ravel(), theta[4:6], rtol=1e-9)
-    np.testing.assert_allclose(fit.initial_state, theta[6:], rtol=1e-9)
+    np.testing.assert_allclose(fit.initial_state[0], theta[6:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("scaling", [True, False])
+def test_the_record_is_simulated_with_its_means(u, scaling):
+    y = simulate(u, offset=-20.0)
+    estimate = moesp(u, y, 6, 2, scaling=scaling)
+    simulated = estimate.simulate(u)
+    np.testing.assert_allclose(simulated, y, atol=1e-8)
+    assert vaf(y[:, 0], simulated[:, 0]) > 100.0 - 1e-9
+    m = estimate.matrices
+    deviations = simulate_response(
+        m.A, m.B, m.C, m.D, u - estimate.input_means, estimate.initial_state
+    )
+    np.testing.assert_allclose(deviations + estimate.offsets, y, atol=1e-8)
+
+
+def test_merged_records_are_simulated_with_means_of_their_own():
+    rng = np.random.default_rng(3)
+    u = [rng.normal(mean, 1.0, (samples, 2)) for mean, samples in ((3.0, 200), (-5.0, 150))]
+    y = [simulate(part, offset) for part, offset in zip(u, (10.0, -4.0), strict=True)]
+    estimate = moesp(u, y, 6, 2)
+    for number, (inputs, outputs) in enumerate(zip(u, y, strict=True)):
+        np.testing.assert_allclose(estimate.simulate(inputs, number), outputs, atol=1e-8)
+    assert estimate.offsets.shape == (2, 1)
+    assert estimate.input_means.shape == (2, 2)
+
+
+def test_without_offsets_nothing_is_added(u):
+    y = simulate(u)
+    estimate = moesp(u, y, 6, 2, offsets=False)
+    np.testing.assert_array_equal(estimate.input_means, 0.0)
+    np.testing.assert_allclose(estimate.offsets, 0.0, atol=1e-12)
+    np.testing.assert_allclose(estimate.simulate(u), y, atol=1e-8)
