@@ -29,6 +29,7 @@ class InputMatrices(NamedTuple):
     D: np.ndarray  # shape (p, m)
     initial_state: np.ndarray  # shape (records, n): state at the first sample
     offsets: np.ndarray  # shape (records, p), of the outputs
+    unknowns: int  # of the regression
     rank: int  # rank of the regression
     condition: float  # its condition
     determined: bool  # whether the inputs are rich enough for B and D
@@ -74,9 +75,7 @@ def simulate_response(
     start = np.zeros(len(A)) if x0 is None else np.asarray(x0, dtype=float)
     _check_sizes(A, B, C, D, inputs, start)
     # One type, for which it is compiled.
-    drive = np.ascontiguousarray(inputs)
-    dynamics = np.ascontiguousarray(A, dtype=float)
-    gains = np.ascontiguousarray(B, dtype=float)
+    dynamics, gains, drive = (np.ascontiguousarray(x, dtype=float) for x in (A, B, inputs))
     states, _ = simulate_states(dynamics, gains, drive, start)
     return states @ C.T + inputs @ D.T
 
@@ -146,24 +145,24 @@ class OutputRegression:
         counts = [inputs * p, self.dynamic.size * n, records * n, records * p]
         self.edges = list(accumulate(counts))
 
-    def respond(self, record: np.ndarray, number: int) -> np.ndarray:
+    def respond(self, u: np.ndarray, y: np.ndarray | None, record: int) -> np.ndarray:
         """Responses of every output to each unknown, and the outputs in the last column, of a record.
 
         The response to a column of B is a row C (q - A)⁻¹ u(t) for each input and output, which follows from the row
         before: n numbers instead of the n² of a state for each entry. That to the initial state starts from C.
 
-        Shapes: record (N, m + p); returns (N * p, unknowns + 1).
+        Shapes: u (N, m), y (N, p); returns (N * p, unknowns + 1).
         """
         p, n = self.C.shape
-        samples = len(record)
-        u = record[:, : self.inputs]
+        samples = len(u)
         columns = np.zeros((self.edges[-1] + 1, samples, p))
         d_end, b_end, state_end, _ = self.edges
         direct = columns[:d_end].reshape(self.inputs, p, samples, p)
         dynamic = columns[d_end:b_end].reshape(self.dynamic.size, n, samples, p)
-        initial = columns[b_end + number * n :][:n]
-        offset = columns[state_end + number * p :][:p]
-        columns[-1] = record[:, self.inputs : self.inputs + p]
+        initial = columns[b_end + record * n :][:n]
+        offset = columns[state_end + record * p :][:p]
+        if y is not None:
+            columns[-1] = y
         transposed = np.ascontiguousarray(self.A.T)
         rest = np.zeros(n)
         silence = np.zeros((samples, 1))
@@ -193,7 +192,7 @@ class OutputRegression:
         normal equations :math:`\Psi^T \Phi \theta = \Psi^T y` are solved: they are consistent where least squares is
         biased by feedback. Directions below a fraction of the largest one are left out (columns have unit norm).
 
-        Shapes: records (N, m + p), predicted (N, m).
+        Shapes: records (N, m + p) or more, predicted (N, m).
         """
         p, n = self.C.shape
         unknowns = self.edges[-1]
@@ -202,12 +201,11 @@ class OutputRegression:
         squares = np.zeros(unknowns)
         samples = 0
         for number, record in enumerate(records):
-            rows = self.respond(record, number)
+            u, y = np.split(record[:, : self.inputs + p], [self.inputs], axis=1)
+            rows = self.respond(u, y, number)
             samples += len(rows)
             if predicted is not None:
-                no_outputs = np.zeros((len(record), p))
-                instruments = self.respond(np.hstack([predicted[number], no_outputs]), number)
-                instruments = instruments[:, :-1]
+                instruments = self.respond(predicted[number], None, number)[:, :-1]
                 products += instruments.T @ rows
                 squares += np.sum(instruments**2, axis=0)
             factor = update_factor(factor, rows)
@@ -232,6 +230,7 @@ class OutputRegression:
             D=direct.reshape(-1, p).T,
             initial_state=states.reshape(-1, n),
             offsets=offsets.reshape(-1, p),
+            unknowns=unknowns,
             rank=fit.rank,
             condition=condition_number(fit.singular_values, fit.rank),
             determined=self._determines_inputs(

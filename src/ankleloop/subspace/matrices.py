@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
 from typing import TYPE_CHECKING
 
@@ -32,32 +32,40 @@ class Matrices:
 
         Shapes: inputs (m,), of flags.
         """
-        names = (
-            None if self.names is None else (tuple(compress(self.names[0], inputs)), self.names[1])
-        )
-        delays = None if self.input_delays is None else tuple(compress(self.input_delays, inputs))
-        return Matrices(
-            self.A, self.B[:, inputs], self.C, self.D[:, inputs], self.dt, names, delays
-        )
+        names = self.names
+        if names is not None:
+            names = (tuple(compress(names[0], inputs)), names[1])
+        delays = self.input_delays
+        if delays is not None:
+            delays = tuple(compress(delays, inputs))
+        B = self.B[:, inputs]
+        D = self.D[:, inputs]
+        return replace(self, B=B, D=D, names=names, input_delays=delays)
 
     def frequency_response(self, z: np.ndarray) -> np.ndarray:
         """Response of the first output to each input.
 
         Shapes: z (F,); returns (F, m).
         """
-        shifted = z[:, None, None] * np.eye(len(self.A)) - self.A
-        row = np.broadcast_to(self.C[0][:, None], (z.size, len(self.A), 1))
+        states = len(self.A)
+        shifted = z[:, None, None] * np.eye(states) - self.A
+        row = np.broadcast_to(self.C[0][:, None], (z.size, states, 1))
         rows = np.linalg.solve(np.swapaxes(shifted, 1, 2), row)  # C (z - A)⁻¹
         return rows[..., 0] @ self.B + self.D[0]
 
     def state_space(self) -> StateSpace:
         """The model as an object that simulates, plots and connects."""
-        from control import (
-            StateSpace,
-        )  # here, because importing it takes longer than an identification
+        # Here, because importing it takes longer than an identification.
+        from control import StateSpace
 
-        inputs, outputs = self.names if self.names is not None else (None, None)
-        matrices = (self.A, self.B, self.C, self.D)
+        inputs, outputs = self.names or (None, None)
         return StateSpace(
-            *matrices, self.dt, inputs=inputs, outputs=outputs, remove_useless_states=False
+            self.A,
+            self.B,
+            self.C,
+            self.D,
+            self.dt,
+            inputs=inputs,
+            outputs=outputs,
+            remove_useless_states=False,
         )

@@ -5,7 +5,6 @@ One body serves all: members of the family differ in their instruments and their
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -190,24 +189,22 @@ def moesp(
     >>> bool(abs(estimate.model.poles()[0] - 0.8) < 1e-9)
     True
     """
-    positional = {
-        "block_rows": block_rows,
-        "order": order,
-        "instruments": instruments,
-        "projection": projection,
-    }
-    all_options = SubspaceOptions.parse("moesp", **positional, dt=dt, **options)
+    all_options = SubspaceOptions.parse(
+        "moesp",
+        block_rows=block_rows,
+        order=order,
+        instruments=instruments,
+        projection=projection,
+        dt=dt,
+        **options,
+    )
     records = Records(u, y, reference, predicted_inputs, all_options)
     m, p, _ = records.sizes
-    if all_options.names is not None:
-        _check_names(all_options.names[0], "inputs", m)
-        _check_names(all_options.names[1], "outputs", p)
+    _check_names(all_options, m, p)
     rows = select_rows(all_options, records.sizes, open_loop=records.open_loop)
     outcome, compression = _project(records, rows, all_options)
-    chosen_order = all_options.order
-    if chosen_order is None:
-        largest = (all_options.block_rows - 1) // 2
-        chosen_order = choose_order(outcome.singular_values, largest)
+    largest = (all_options.block_rows - 1) // 2
+    chosen_order = all_options.order or choose_order(outcome.singular_values, largest)
     realisation = realise(outcome.observability, p, chosen_order, stable=all_options.stable)
     was_stable = realisation.unstable_radius is None
     regression = OutputRegression(
@@ -220,12 +217,6 @@ def moesp(
         stable=was_stable or all_options.stable,
     )
     fit = regression.solve(records.scaled, records.predicted, all_options.regression_tolerance)
-    warnings = []
-    if not was_stable:
-        text = UNSTABLE.format(radius=realisation.unstable_radius, order=chosen_order)
-        warnings.append(text + (REPLACED if all_options.stable else KEPT))
-    if not fit.determined:
-        warnings.append(UNDETERMINED.format(rank=fit.rank, unknowns=regression.edges[-1]))
     diagnostics = {
         "order": chosen_order,
         "poles": realisation.poles,
@@ -242,17 +233,21 @@ def moesp(
         "compression": compression,
         "instruments": all_options.instruments,
         "projection": all_options.projection,
-        "warnings": warnings,
+        "warnings": _list_warnings(realisation, fit, all_options.stable),
     }
     return _make_estimate(
         records, realisation, fit, all_options, outcome.singular_values, diagnostics
     )
 
 
-def _check_names(names: Sequence[str], kind: str, size: int) -> None:
+def _check_names(options: SubspaceOptions, inputs: int, outputs: int) -> None:
     """Refuse names that are not one for each channel."""
-    if len(names) != size:
-        raise ValueError(f"names must have {size} names of {kind}, got {show_value(list(names))}.")
+    sizes = {"inputs": inputs, "outputs": outputs}
+    for names, (kind, size) in zip(options.names or (), sizes.items(), strict=False):
+        if len(names) != size:
+            raise ValueError(
+                f"names must have {size} names of {kind}, got {show_value(list(names))}."
+            )
 
 
 def _project(
@@ -279,6 +274,18 @@ def _project(
     if projection is not None:
         return projection, "gram"
     return project_factor(records.factor_rows(rows), *arguments), "qr"
+
+
+def _list_warnings(realisation: Realisation, fit: InputMatrices, stable: bool) -> list[str]:
+    """What a user must know of A, B and D."""
+    warnings = []
+    if realisation.unstable_radius is not None:
+        order = len(realisation.A)
+        text = UNSTABLE.format(radius=realisation.unstable_radius, order=order)
+        warnings.append(text + (REPLACED if stable else KEPT))
+    if not fit.determined:
+        warnings.append(UNDETERMINED.format(rank=fit.rank, unknowns=fit.unknowns))
+    return warnings
 
 
 def _make_estimate(

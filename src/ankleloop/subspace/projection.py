@@ -160,13 +160,15 @@ def _find_directions(
 
     None if rounding leaves open which directions count.
     """
-    largest_of = gram if total is None else total
-    bound = np.abs(largest_of).sum(axis=0).max()  # of the largest eigenvalue
+    bound = np.abs(gram if total is None else total).sum(axis=0).max()  # of the largest eigenvalue
     rounding = MARGIN * len(gram) * ROUNDING
     limit = rank_tolerance**2
-    inverse, condition = _invert_factor(gram, bound)
-    if inverse is not None and max(rounding, limit) * bound * np.vdot(inverse, inverse) < 1.0:
-        return Directions(inverse, condition, bound)  # then all count
+    factor, failure = lapack.dpotrf(gram)
+    if not failure:
+        inverse, failure = lapack.dtrtri(factor)
+    if not failure and max(rounding, limit) * bound * np.vdot(inverse, inverse) < 1.0:
+        reciprocal = lapack.dpocon(factor, 1.0)[0]
+        return Directions(inverse, float(np.sqrt(bound / reciprocal)), bound)  # all count
     if limit < rounding:
         return None
     values, vectors = np.linalg.eigh(gram)
@@ -179,17 +181,6 @@ def _find_directions(
     coefficients = vectors[:, -count:] / np.sqrt(values[-count:])
     condition = float(np.sqrt(values[-1] / values[-count]))
     return Directions(coefficients, condition, float(largest))
-
-
-def _invert_factor(gram: np.ndarray, bound: float) -> tuple[np.ndarray | None, float]:
-    """Inverse of the triangular factor, if there is one, and the condition of the rows."""
-    factor, info = lapack.dpotrf(gram)
-    if info:
-        return None, np.inf
-    inverse, info = lapack.dtrtri(factor)
-    if info:
-        return None, np.inf
-    return inverse, float(np.sqrt(bound / lapack.dpocon(factor, 1.0)[0]))
 
 
 def _decompose(

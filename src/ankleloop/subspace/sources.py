@@ -143,7 +143,7 @@ def select_rows(
     # Instruments reach into the past, all other channels into the future alone.
     lags = np.where(are_instruments, window, options.block_rows)
     return HankelRows(
-        indices=np.concatenate([input_rows.ravel(), instrument_rows.ravel(), output_rows.ravel()]),
+        indices=np.concatenate([input_rows, instrument_rows, output_rows], axis=None),
         sizes=(input_rows.size, instrument_rows.size),
         window=window,
         lags=lags,
