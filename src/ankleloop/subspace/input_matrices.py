@@ -12,7 +12,7 @@ from scipy.linalg import lapack, solve_discrete_are
 
 from ankleloop.errors import DataError
 from ankleloop.options import show_value
-from ankleloop.signals.least_squares import condition_number, fit_columns
+from ankleloop.signals.least_squares import ScaledFit, condition_number, fit_columns
 from ankleloop.signals.statespace import simulate_states
 
 PANEL = 16  # columns, or an eighth of all: narrow ones leave most of the work to matrix products
@@ -194,15 +194,14 @@ class OutputRegression:
 
         Shapes: records (N, m + p) or more, predicted (N, m).
         """
-        p, n = self.C.shape
         unknowns = self.edges[-1]
         factor = np.zeros((unknowns + 1, unknowns + 1), order="F")
         products = np.zeros((unknowns, unknowns + 1))
         squares = np.zeros(unknowns)
         samples = 0
+        outputs = slice(self.inputs, self.inputs + len(self.C))
         for number, record in enumerate(records):
-            u, y = np.split(record[:, : self.inputs + p], [self.inputs], axis=1)
-            rows = self.respond(u, y, number)
+            rows = self.respond(record[:, : self.inputs], record[:, outputs], number)
             samples += len(rows)
             if predicted is not None:
                 instruments = self.respond(predicted[number], None, number)[:, :-1]
@@ -222,6 +221,14 @@ class OutputRegression:
             sizes = np.where(squares > 0.0, np.sqrt(squares), 1.0)
             equations = products / sizes[:, None]
         fit = fit_columns(equations[:, :-1], equations[:, -1], scale, rank_tolerance)
+        determined = self._determines_inputs(
+            equations[:, :-1] / scale, fit.singular_values, min(rank_tolerance, rounding)
+        )
+        return self._sort_unknowns(fit, determined)
+
+    def _sort_unknowns(self, fit: ScaledFit, determined: bool) -> InputMatrices:
+        """B, D, initial states and offsets from the solution of the regression."""
+        p, n = self.C.shape
         direct, dynamic, states, offsets = np.split(fit.coefficients, self.edges[:-1])
         B = np.zeros((n, self.inputs))
         B[:, self.dynamic] = dynamic.reshape(-1, n).T
@@ -230,12 +237,10 @@ class OutputRegression:
             D=direct.reshape(-1, p).T,
             initial_state=states.reshape(-1, n),
             offsets=offsets.reshape(-1, p),
-            unknowns=unknowns,
+            unknowns=fit.coefficients.size,
             rank=fit.rank,
             condition=condition_number(fit.singular_values, fit.rank),
-            determined=self._determines_inputs(
-                equations[:, :-1] / scale, fit.singular_values, min(rank_tolerance, rounding)
-            ),
+            determined=determined,
         )
 
     def _determines_inputs(

@@ -223,7 +223,7 @@ class Records:
             self._refuse_not_finite(record, number)
         means = np.array([np.einsum("tc->c", record) / len(record) for record in records])
         deviations = [record - mean for record, mean in zip(records, means, strict=True)]
-        squares = sum(np.einsum("tc,tc->c", deviation, deviation) for deviation in deviations)
+        squares = sum(np.einsum("tc,tc->c", record, record) for record in deviations)
         deviation = np.sqrt(squares / max(sum(self.lengths), 1))
         self._refuse_constant(deviation, np.abs(means).max(axis=0))
         self.scale = deviation if options.scaling else np.ones_like(deviation)
