@@ -13,7 +13,7 @@ import click
 import pandas as pd
 
 from ankleloop.command_line.terminal import COLOURS, echo, refuse_existing
-from ankleloop.methods.registry import METHODS
+from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.plotting.recordings import recordings_figure
 from ankleloop.plotting.style import save_figure
 from ankleloop.quantities import QUANTITIES
@@ -39,9 +39,9 @@ def make_study(
     options: Mapping[str, Any] | None = None,
 ) -> RecordedStudy:
     """The study of one recording, which the workflow would make of it, with options by [METHOD.]NAME."""
-    changing = "riv-tv" in methods or recording.changes
-    usual = usual_methods(reference=recording.reference is not None, changing=changing)
-    chosen = {key: method for key, method in usual.items() if not methods or key in methods}
+    chosen = usual_methods(
+        reference=recording.reference is not None, changing=recording.changes, names=methods
+    )
     for option, value in (options or {}).items():
         _set_option(chosen, option, value)
     settings = {
@@ -59,7 +59,7 @@ def make_study(
 def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> None:
     """Set an option of one method, or of all that have it and can take the value."""
     key, _, field = name.rpartition(".")
-    fields = {label: METHODS[label].options.model_fields for label in methods}
+    fields = {label: find_method(label).options.model_fields for label in methods}
     concerned = [label for label in methods if key in ("", label) and field in fields[label]]
     if value is None and not key:  # only some can estimate what others have to be told
         concerned = [
@@ -101,7 +101,7 @@ def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
         write_csv(table, Path(temporary, f"{name}-parameters.csv"))
         for earlier in (folder / name).glob("*"):
             if earlier.suffix in SUFFIXES and (
-                earlier.stem in METHODS or earlier.stem.startswith("figure-")
+                earlier.stem in {*METHODS, *study.methods} or earlier.stem.startswith("figure-")
             ):
                 earlier.unlink()
         for result in filter(Path.is_file, Path(temporary).rglob("*")):

@@ -53,7 +53,7 @@ def test_least_squares_and_the_position_are_refused_unless_the_loop_is_open(loop
 
 
 def test_cautions_stand_where_a_method_is_valid_with_a_bias():
-    assert METHODS["riv"].validity.closed_caution == VALIDITY["pr-moesp"].open_caution == ""
+    assert METHODS["riv"].validity.closed_caution == METHODS["pr-moesp"].validity.open_caution == ""
     assert "poles" in METHODS["pr-moesp"].validity.closed_caution
     assert "white noise" in METHODS["eiv-moesp"].validity.open_caution
     assert "white noise" in METHODS["moesp"].validity.open_caution
