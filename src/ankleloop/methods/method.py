@@ -173,7 +173,7 @@ class Method:
             self.identify(trials, chosen) if self.merges else [self.identify(trials[0], chosen)]
         )
         complete = [
-            _complete(estimate, part, assumptions, data_warnings)
+            self._complete(estimate, part, assumptions, data_warnings)
             for part, estimate in zip(trials, estimates, strict=True)
         ]
         return complete if is_list else complete[0]
@@ -188,21 +188,22 @@ class Method:
             raise DataError("there are no trials to merge.")
         refuse_repeated_trials(trials)
 
-
-def _complete(
-    estimate: Estimate,
-    trial: PreparedTrial,
-    assumptions: Sequence[str],
-    data_warnings: Sequence[str],
-) -> Estimate:
-    """The estimate of a method with the measured torque, what was taken for granted, and all warnings."""
-    diagnostics = dict(estimate.diagnostics)
-    diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
-    own = [*diagnostics.get("warnings", ()), *_list_faults(estimate)]
-    diagnostics["warnings"] = [*own, *data_warnings]
-    if data_warnings:
-        diagnostics["data_warnings"] = list(data_warnings)
-    return with_measured(replace(estimate, diagnostics=diagnostics), trial)
+    def _complete(
+        self,
+        estimate: Estimate,
+        trial: PreparedTrial,
+        assumptions: Sequence[str],
+        data_warnings: Sequence[str],
+    ) -> Estimate:
+        """The estimate with this method's name, the measured torque, what was taken for granted, and all warnings."""
+        diagnostics = dict(estimate.diagnostics)
+        diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
+        own = [*diagnostics.get("warnings", ()), *_list_faults(estimate)]
+        diagnostics["warnings"] = [*own, *data_warnings]
+        if data_warnings:
+            diagnostics["data_warnings"] = list(data_warnings)
+        named = replace(estimate, method=self.name, diagnostics=diagnostics)
+        return with_measured(named, trial)
 
 
 def _list_assumptions(options: Any, reference: str | None) -> list[str]:
