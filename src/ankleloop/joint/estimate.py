@@ -48,7 +48,8 @@ class Estimate:
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
         Details of the identification: singular values, order, poles, ranks, passes. "warnings" say what was seen to be
-        wrong; those about the data (see `ankleloop.checks.data.check_data`) are in "data_warnings" as well.
+        wrong; those about the data (see `ankleloop.checks.data.check_data`) are in "data_warnings" as well, and those
+        about the range of a trial that is predicted in "range_warnings".
         "assumptions" say what was taken for granted, and "missing" which parameters could not be had, and why.
     predictor : ankleloop.joint.models.Model or None
         The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None

@@ -104,10 +104,12 @@ class MoespOptions(KnownDelayOptions, BasisOptions):
 
     @model_validator(mode="after")
     def _check_rows(self) -> Self:
-        order = self.order or 1
-        if self.block_rows <= order:
+        rows, leads, order = self.block_rows, self.instrument_leads, self.order or 1
+        if rows <= order:
+            raise ValueError(f"block_rows must be larger than the order ({order}), got {rows}.")
+        if leads > rows:
             raise ValueError(
-                f"block_rows must be larger than the order ({order}), got {self.block_rows}."
+                f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}."
             )
         return self
 
@@ -288,41 +290,48 @@ def _find_reference(member: str, options: MoespOptions) -> str | None:
     return None
 
 
-# Validity of the members, all of which need instruments for B and D in closed loop.
 INSTRUMENTS = {"input_matrices": "instruments"}
-CLOSED_FAULT = "least squares for B and D is biased in closed loop"
 SUBSPACE_POLES = (
     "in closed loop its B and D are estimated by instruments, but its poles by a subspace step that is not consistent "
     "there: compare K with that of riv (the study voluntary measures its error)."
 )
 WHITE_NOISE = "it assumes white noise: voluntary torque biases its poles, and with them K, B and I."
-CLOSED = Validity(closed=INSTRUMENTS, closed_fault=CLOSED_FAULT, closed_caution=SUBSPACE_POLES)
-VALIDITY: Mapping[str, Validity] = {
-    "pr-moesp": CLOSED._replace(without_reference=POSITION),
-    "pi-moesp": CLOSED,
-    "po-moesp": CLOSED,
-    "eiv-moesp": CLOSED._replace(open_caution=WHITE_NOISE),
-    "moesp": Validity(open_caution=WHITE_NOISE),
-}
-OFFERS: Mapping[str, Offer] = {
-    "pr-moesp": Offer("PR-MOESP", {"degree": 8, "block_rows": 20}),
-    # Splines take a rectifier with or without a threshold.
-    "pi-moesp": Offer(
-        "PI-MOESP (spline)",
-        {"block_rows": 20, "basis": "spline", "degree": 8},
-        candidates_without_reference={"degree": [6, 8, 12]},
-    ),
-}
+BY_INSTRUMENTS = Validity(
+    closed=INSTRUMENTS,
+    closed_fault="least squares for B and D is biased in closed loop",
+    closed_caution=SUBSPACE_POLES,
+)
 
-METHODS = tuple(
-    Method(
+
+def _member(name: str, validity: Validity, offer: Offer | None = None) -> Method:
+    """A member of the family as a method."""
+    return Method(
         name,
         MoespOptions,
         partial(identify_moesp, member=name),
         partial(_find_reference, name),
         merges=True,
-        validity=VALIDITY[name],
-        offer=OFFERS.get(name),
+        validity=validity,
+        offer=offer,
     )
-    for name in MEMBERS
+
+
+METHODS = (
+    _member(
+        "pr-moesp",
+        BY_INSTRUMENTS._replace(without_reference=POSITION),
+        Offer("PR-MOESP", {"degree": 8, "block_rows": 20}),
+    ),
+    _member(
+        "pi-moesp",
+        BY_INSTRUMENTS,
+        Offer(
+            "PI-MOESP (spline)",  # a spline takes a rectifier with or without a threshold
+            {"block_rows": 20, "basis": "spline", "degree": 8},
+            candidates_without_reference={"degree": [6, 8, 12]},
+        ),
+    ),
+    _member("po-moesp", BY_INSTRUMENTS),
+    _member("eiv-moesp", BY_INSTRUMENTS._replace(open_caution=WHITE_NOISE)),
+    _member("moesp", Validity(open_caution=WHITE_NOISE)),
 )

@@ -118,9 +118,10 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     counts = time >= regressors.time[first]
     means = {name: float(trace[counts].mean()) for name, trace in traces.items()}
     traced = {f"trace_{name}": trace for name, trace in traces.items()}
+    torques = sum_paths(intrinsic, reflex)
     return Estimate(
         method="real-time",
-        torque=torque_dataset(regressors.time, rate, **sum_paths(intrinsic, reflex)),
+        torque=torque_dataset(regressors.time, rate, **torques),
         stiffness={name: means[name] for name in STIFFNESS},
         reflex={"delay": options.delay, "G": means["G"]},
         diagnostics={"settling": settling, "trace_time": time, **traced},

@@ -37,19 +37,14 @@ def find_method(method: str | Method) -> Method:
     """The method of a name, of the library or registered by another package; a method is found as it is."""
     if isinstance(method, Method):
         return method
-    if not isinstance(method, str):
-        raise ValueError(_describe_unknown(method, METHODS))
-    if method in METHODS:
+    if isinstance(method, str) and method in METHODS:
         return METHODS[method]
     registered = load_registered()
-    if method in registered.methods:
+    if isinstance(method, str) and method in registered.methods:
         return registered.methods[method]
-    known = {**registered.methods, **METHODS}
-    raise ValueError(" ".join([_describe_unknown(method, known), *registered.faults]))
-
-
-def _describe_unknown(name: Any, known: Mapping[str, Method]) -> str:
-    return f"unknown method {name!r}{suggest_name(name, known)}; known: {', '.join(known)}."
+    known = {**METHODS, **registered.methods}
+    message = f"unknown method {method!r}{suggest_name(method, known)}; known: {', '.join(known)}."
+    raise ValueError(" ".join([message, *registered.faults]))
 
 
 @cache
@@ -81,20 +76,19 @@ def _load(entry_point: EntryPoint) -> tuple[Method, ...]:
     return methods
 
 
+def _takes_position(method: Method) -> bool:
+    """Whether a method needs the position as reference where there is no other."""
+    return method.validity.without_reference == POSITION
+
+
 def _describe_no_default() -> str:
     """Why there is no default without a reference, and which methods there are if the loop is open."""
-    names = [repr(name) for name in METHODS]
-    by_position = [
-        repr(name)
-        for name, method in METHODS.items()
-        if method.validity.without_reference == POSITION
-    ]
-    *others, last = [name for name in names if name not in by_position]
-    positions = f"{' or '.join(by_position)} with reference='position'"
+    by_position = [repr(name) for name, method in METHODS.items() if _takes_position(method)]
+    others = [repr(name) for name, method in METHODS.items() if not _takes_position(method)]
     return (
         "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
         "reference, or, if nothing was compliant while it was recorded (open loop), name a method: "
-        f"{positions}, {', '.join(others)} or {last}."
+        f"{' or '.join(by_position)} with reference='position', {', '.join(others[:-1])} or {others[-1]}."
     )
 
 

@@ -51,6 +51,11 @@ class Losses(NamedTuple):
     residual: np.ndarray
     torque: np.ndarray
 
+    @classmethod
+    def join(cls, parts: Sequence[Losses]) -> Losses:
+        """Losses of several tests as one."""
+        return cls(*(np.hstack(arrays) for arrays in zip(*parts, strict=True)))
+
     @property
     def score(self) -> float:
         """Share of the torque that is explained [%]."""
@@ -158,11 +163,12 @@ def select_options(
 def _choose(losses: Mapping[int, np.ndarray]) -> int:
     """The first candidate that is not worse than the best by more than one standard error."""
     best = min(losses.values(), key=np.sum)
-    for number, loss in losses.items():
-        excess = loss - best
-        if excess.sum() <= np.std(excess, ddof=1) * np.sqrt(excess.size):
-            return number
-    raise AssertionError("the best one is among them")
+    excesses = {number: loss - best for number, loss in losses.items()}
+    return next(
+        number
+        for number, excess in excesses.items()
+        if excess.sum() <= np.std(excess, ddof=1) * np.sqrt(excess.size)
+    )
 
 
 def check_selection(
@@ -176,15 +182,16 @@ def check_selection(
     select = {} if select is None else select
     check_choice(owner, "criterion", criterion, (*CRITERIA, None))
     kinds = (list, tuple, range, np.ndarray)
-    listed = isinstance(select, Mapping) and all(
+    is_listed = isinstance(select, Mapping) and all(
         isinstance(part, kinds) and len(part) for part in select.values()
     )
-    if not listed or (criterion is not None and not select) or "identification_rate" in select:
+    if not is_listed or (criterion is not None and not select) or "identification_rate" in select:
         raise ValueError(
             "select must be a dict of options, each with a list of at least one value, and not of identification_rate "
             f"(residuals at different rates contain different bands of noise), got {show_value(select)}."
         )
-    if both := sorted(set(options) & set(select)):
+    both = sorted(set(options) & set(select))
+    if both:
         raise TypeError(
             f"option {both[0]!r} is given, and to be selected as well: choose one of the two."
         )
@@ -259,9 +266,7 @@ def _score(
         torque = estimate.predict(half.test, cycle_onsets=cycle_onsets).torque
         for name, part in _test(torque, half).items():
             losses.setdefault(name, []).append(part)
-    joined = {
-        name: Losses(*map(np.hstack, zip(*parts, strict=True))) for name, parts in losses.items()
-    }
+    joined = {name: Losses.join(parts) for name, parts in losses.items()}
     return joined, list(dict.fromkeys(warnings))
 
 

@@ -101,6 +101,7 @@ def _reason_in_closed_loop(
 
 
 def _format_options(options: Mapping[str, Any]) -> str:
+    """Options as arguments of a call."""
     return ", ".join(f"{name}={value!r}" for name, value in options.items())
 
 
