@@ -265,6 +265,10 @@ def test_riv_is_that_of_the_library_and_may_have_splines(recording):
     assert method["select"] == {}
     splines = make_study("S1", recording, reading, ("riv",), {"riv.basis": "spline"})
     assert splines.analysed_methods["riv"]["options"] == {**method["options"], "basis": "spline"}
+    everywhere = make_study("S1", recording, reading, (), {"basis": "spline"}).analysed_methods
+    bases = {name: method["options"]["basis"] for name, method in everywhere.items()}
+    assert bases.pop("parallel-cascade") is None  # it has the rectifier alone
+    assert set(bases.values()) == {"spline"}
 
 
 def test_the_delay_is_given_or_estimated(recording):
