@@ -145,11 +145,13 @@ class Estimate:
         prepared = prepare(trial)
         torque = self.predictor.predict(prepared, cycle_onsets)
         range_warnings = self.predictor.check_range(prepared)
-        # An earlier prediction, of which this one may be made, says nothing about this trial.
-        earlier = self.diagnostics.get("range_warnings", ())
-        of_fit = [text for text in self.diagnostics.get("warnings", ()) if text not in earlier]
-        diagnostics = {**self.diagnostics, "warnings": [*of_fit, *range_warnings]}
-        diagnostics["range_warnings"] = range_warnings
+        diagnostics = dict(self.diagnostics)
+        # What an earlier prediction, of which this one is made, says about its trial.
+        earlier = diagnostics.pop("range_warnings", ())
+        of_fit = [text for text in diagnostics.get("warnings", ()) if text not in earlier]
+        diagnostics["warnings"] = [*of_fit, *range_warnings]
+        if range_warnings:
+            diagnostics["range_warnings"] = range_warnings
         return with_measured(replace(self, torque=torque, diagnostics=diagnostics), prepared)
 
     @property
