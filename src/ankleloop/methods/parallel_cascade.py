@@ -117,10 +117,8 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
 
     *lagged, target = _compress(trial, regressors, leads, longest)
     torques, history, converged = _alternate(lagged, target[:, 0], options)
-    intrinsic, reflex = (
-        np.linalg.lstsq(part, torque, rcond=SIGNIFICANT)[0]
-        for part, torque in zip(lagged, torques, strict=True)
-    )
+    pairs = zip(lagged, torques, strict=True)
+    intrinsic, reflex = (np.linalg.lstsq(*pair, rcond=SIGNIFICANT)[0] for pair in pairs)
     model = ResponseModel(ModelInputs.of(regressors), intrinsic, reflex)
     torque = model.simulate(trial, regressors)
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)

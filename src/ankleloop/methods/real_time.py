@@ -117,14 +117,15 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     time = regressors.time[::chunk]
     counts = time >= regressors.time[first]
     means = {name: float(trace[counts].mean()) for name, trace in traces.items()}
-    traced = {f"trace_{name}": trace for name, trace in traces.items()}
+    diagnostics = {"settling": settling, "trace_time": time}
+    diagnostics |= {f"trace_{name}": trace for name, trace in traces.items()}
     torques = sum_paths(intrinsic, reflex)
     return Estimate(
         method="real-time",
         torque=torque_dataset(regressors.time, rate, **torques),
         stiffness={name: means[name] for name in STIFFNESS},
         reflex={"delay": options.delay, "G": means["G"]},
-        diagnostics={"settling": settling, "trace_time": time, **traced},
+        diagnostics=diagnostics,
     )
 
 

@@ -141,34 +141,32 @@ def select_options(
         selected = dict(zip(candidates, values, strict=True))
         row = {**selected, "scores": {}, "warnings": []}
         rows.append(row)
+        fit_selected = partial(fit, **options, **selected)
         try:
-            by_criterion, row["warnings"] = _score(
-                halves, partial(fit, **options, **selected), options.get("cycle_onsets")
-            )
+            by_criterion, warnings = _score(halves, fit_selected, options.get("cycle_onsets"))
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             row["error"] = str(error)
         else:
             row["scores"] = {name: part.score for name, part in by_criterion.items()}
+            row["warnings"] = warnings
             losses[number] = by_criterion[criterion].residual
     if not losses:
         raise DataError(
             f"no candidate could be fitted; the first one failed with: {rows[0]['error']}"
         )
     without_warning = {k: loss for k, loss in losses.items() if not rows[k]["warnings"]}
-    number = _choose(without_warning or losses)
-    chosen = {name: rows[number][name] for name in candidates}
+    comparable = without_warning or losses
+    best = min(comparable.values(), key=np.sum)
+    first = next(k for k, loss in comparable.items() if _is_as_good(loss, best))
+    chosen = {name: rows[first][name] for name in candidates}
     return {"criterion": criterion, "candidates": rows, "chosen": chosen}
 
 
-def _choose(losses: Mapping[int, np.ndarray]) -> int:
-    """The first candidate that is not worse than the best by more than one standard error."""
-    best = min(losses.values(), key=np.sum)
-    excesses = {number: loss - best for number, loss in losses.items()}
-    return next(
-        number
-        for number, excess in excesses.items()
-        if excess.sum() <= np.std(excess, ddof=1) * np.sqrt(excess.size)
-    )
+def _is_as_good(loss: np.ndarray, best: np.ndarray) -> bool:
+    """Whether a loss is larger than the best one by at most one standard error of their difference."""
+    excess = loss - best
+    error = np.std(excess, ddof=1) * np.sqrt(excess.size)
+    return bool(excess.sum() <= error)
 
 
 def check_selection(
