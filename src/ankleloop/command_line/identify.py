@@ -38,7 +38,7 @@ class OfferedMethod(click.ParamType):
 
     name = "method"
 
-    def get_metavar(self, *_: Any) -> str:
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
         """The names of the library, for the help."""
         from ankleloop.recordings.validity import usual_methods
 
@@ -51,11 +51,12 @@ class OfferedMethod(click.ParamType):
         from ankleloop.recordings.validity import usual_methods
 
         try:
-            offered = usual_methods(reference=True, names=[value])
+            is_offered = usual_methods(reference=True, names=[value])
         except ValueError as error:
             self.fail(str(error), param, context)
-        if not offered:
-            self.fail(f"{value!r} is not one of {self.get_metavar()[1:-1]}.", param, context)
+        if not is_offered:
+            known = ", ".join(usual_methods(reference=True, changing=True))
+            self.fail(f"{value!r} is not offered here; methods are {known}.", param, context)
         return str(value)
 
 

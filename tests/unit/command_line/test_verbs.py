@@ -241,7 +241,7 @@ def test_identify_several_files(run, trial, tmp_path):
         ),
         (
             ["--method", "real-time"],
-            "'real-time' is not one of riv|pr-moesp|pi-moesp|parallel-cascade|riv-tv.",
+            "'real-time' is not offered here; methods are riv, pr-moesp, pi-moesp, parallel-cascade, riv-tv.",
         ),
         (
             ["--option", "riv.basis=spline", "--option", "riv.degree=3"],
@@ -254,6 +254,11 @@ def test_options_of_methods_that_are_wrong(run, recording, arguments, words):
     result = run("identify", recording, *arguments)
     assert result.status == 2
     assert words in " ".join(result.err.split())
+
+
+def test_the_help_names_the_methods(run):
+    result = run("identify", "--help")
+    assert "--method [riv|pr-moesp|pi-moesp|parallel-cascade|riv-tv]" in result.out
 
 
 def test_riv_is_that_of_the_library_and_may_have_splines(recording):
