@@ -210,7 +210,7 @@ ROWS = [
     row(
         "few block rows at a point",
         points(order=[2, 3], block_rows=[3, 12]),
-        "options: at the point block_rows=3,order=3",
+        "points → block_rows=3,order=3 → a: block_rows must be larger than the order (3), got 3",
     ),
     row(
         "logarithms of zero",

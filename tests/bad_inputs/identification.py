@@ -83,7 +83,7 @@ def predict(trial) -> None:
 ROWS = [
     option(
         "unknown method",
-        "unknown method 'pr-moes' (did you mean 'pr-moesp'?); known: pr-moesp",
+        "unknown method 'pr-moes' (did you mean 'pr-moesp'?); known: riv, pr-moesp",
         method="pr-moes",
     ),
     option(

@@ -90,7 +90,7 @@ BEFORE = {
 }
 
 
-# tests/nightly adds the method of that page, and runs its study.
+# tests/nightly installs the method of that page, and runs its study.
 YAML = [
     block
     for block in BLOCKS

@@ -8,7 +8,7 @@ import pytest
 
 import ankleloop
 from ankleloop import METHODS, method_options
-from ankleloop.methods.moesp import MoespModelOptions, MoespOptions
+from ankleloop.methods.moesp import MoespOptions
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.subspace.sources import SubspaceOptions
 from ankleloop.trials.reading_options import ReadingOptions
@@ -22,7 +22,7 @@ REQUIRED = {
 }
 MODELS = [
     *dict.fromkeys(method.options for method in METHODS.values()),
-    *(MoespModelOptions, SimulationSettings, SubspaceOptions, ReadingOptions),
+    *(SimulationSettings, SubspaceOptions, ReadingOptions),
 ]
 FIELDS = [
     pytest.param(model, name, id=f"{model.__name__}-{name}")

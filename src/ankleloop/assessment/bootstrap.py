@@ -14,6 +14,7 @@ from ankleloop.assessment.scores import evaluate
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.methods.method import Method
 from ankleloop.methods.registry import identify
 from ankleloop.options import check_integer, check_number
 from ankleloop.signals.decimation import decimation_factor
@@ -88,7 +89,7 @@ class Bootstrap:
 
 def block_bootstrap(
     trial: xr.Dataset | PreparedTrial,
-    method: str = "riv",
+    method: str | Method = "riv",
     *,
     repetitions: int = 200,
     block: float = 2.0,
@@ -106,8 +107,8 @@ def block_bootstrap(
     ----------
     trial : xarray.Dataset or PreparedTrial
         The trial.
-    method : str
-        One of `METHODS` that gives a net torque.
+    method : str or Method
+        One of `METHODS`, or another one that `ankleloop.identify` takes, that gives a net torque.
     repetitions : int
         Number of repetitions; each takes as long as an identification.
     block : float
@@ -174,7 +175,7 @@ def block_bootstrap(
     failed = repetitions - len(samples)
     if len(samples) < max(2.0, LEAST_SHARE * repetitions):
         raise DataError(
-            f"{method} failed on {failed} of {repetitions} resampled records, but an interval needs "
+            f"{estimate.method} failed on {failed} of {repetitions} resampled records, but an interval needs "
             f"{LEAST_SHARE:.0%} of them. The last one failed with: {reason}"
         )
     return Bootstrap(estimate, samples, failed)

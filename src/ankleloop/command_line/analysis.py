@@ -7,13 +7,14 @@ import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
-from typing import Any, get_args
+from typing import Any, Literal, get_args, get_origin
 
 import click
 import pandas as pd
+from pydantic.fields import FieldInfo
 
 from ankleloop.command_line.terminal import COLOURS, echo, refuse_existing
-from ankleloop.methods.registry import METHODS
+from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.plotting.recordings import recordings_figure
 from ankleloop.plotting.style import save_figure
 from ankleloop.quantities import QUANTITIES
@@ -39,9 +40,9 @@ def make_study(
     options: Mapping[str, Any] | None = None,
 ) -> RecordedStudy:
     """The study of one recording, which the workflow would make of it, with options by [METHOD.]NAME."""
-    changing = "riv-tv" in methods or recording.changes
-    usual = usual_methods(reference=recording.reference is not None, changing=changing)
-    chosen = {key: method for key, method in usual.items() if not methods or key in methods}
+    chosen = usual_methods(
+        reference=recording.reference is not None, changing=recording.changes, names=methods
+    )
     for option, value in (options or {}).items():
         _set_option(chosen, option, value)
     settings = {
@@ -59,8 +60,10 @@ def make_study(
 def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> None:
     """Set an option of one method, or of all that have it and can take the value."""
     key, _, field = name.rpartition(".")
-    fields = {label: METHODS[label].options.model_fields for label in methods}
+    fields = {label: find_method(label).options.model_fields for label in methods}
     concerned = [label for label in methods if key in ("", label) and field in fields[label]]
+    if not key:  # those that have a single value have no choice
+        concerned = [label for label in concerned if _has_choice(fields[label][field])] or concerned
     if value is None and not key:  # only some can estimate what others have to be told
         concerned = [
             label for label in concerned if NoneType in get_args(fields[label][field].annotation)
@@ -72,6 +75,12 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
     for label in concerned:
         methods[label]["options"][field] = value
         methods[label].get("select", {}).pop(field, None)
+
+
+def _has_choice(field: FieldInfo) -> bool:
+    """Whether an option has more than one value."""
+    kinds = get_args(field.annotation)
+    return not any(get_origin(kind) is Literal and len(get_args(kind)) == 1 for kind in kinds)
 
 
 def refuse_results(folder: Path, names: Collection[str]) -> None:
@@ -101,7 +110,7 @@ def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
         write_csv(table, Path(temporary, f"{name}-parameters.csv"))
         for earlier in (folder / name).glob("*"):
             if earlier.suffix in SUFFIXES and (
-                earlier.stem in METHODS or earlier.stem.startswith("figure-")
+                earlier.stem in {*METHODS, *study.methods} or earlier.stem.startswith("figure-")
             ):
                 earlier.unlink()
         for result in filter(Path.is_file, Path(temporary).rglob("*")):

@@ -13,7 +13,6 @@ from ankleloop.command_line.terminal import show_correction, show_next, show_pro
 from ankleloop.errors import DataError
 from ankleloop.studies.recording_settings import Recording
 
-METHODS = ("riv", "pr-moesp", "pi-moesp", "parallel-cascade", "riv-tv")  # keys of `usual_methods`
 EPILOG = """\b
 Examples:
   ankleloop identify *.mat --torque-sign -1 --output results
@@ -34,11 +33,38 @@ DELAY = "Reflex delay of every method [s]; `estimate` for the methods that can. 
 OPTION = "Option of a method, as riv.order=3; without METHOD of every method that has it. Several times for several."
 
 
+class OfferedMethod(click.ParamType):
+    """Name of a method that the command line offers, of the library or registered by another package."""
+
+    name = "method"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """The names of the library, for the help."""
+        from ankleloop.recordings.validity import usual_methods
+
+        return f"[{'|'.join(usual_methods(reference=True, changing=True))}]"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, context: click.Context | None
+    ) -> str:
+        """Refuse a name that is unknown, or of a method that is not offered."""
+        from ankleloop.recordings.validity import usual_methods
+
+        try:
+            is_offered = usual_methods(reference=True, names=[value])
+        except ValueError as error:
+            self.fail(str(error), param, context)
+        if not is_offered:
+            known = ", ".join(usual_methods(reference=True, changing=True))
+            self.fail(f"{value!r} is not offered here; methods are {known}.", param, context)
+        return str(value)
+
+
 @click.command(epilog=EPILOG)
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=FILE)
 @click.option("--output", type=FOLDER, help=RESULTS)
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
-@click.option("--method", "methods", type=click.Choice(METHODS), multiple=True, help=CHOICE)
+@click.option("--method", "methods", type=OfferedMethod(), multiple=True, help=CHOICE)
 @click.option("--delay", metavar="S|estimate", help=DELAY)
 @click.option("--option", "options", multiple=True, metavar="[METHOD.]NAME=VALUE", help=OPTION)
 @reading_options

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
+DIGITS = "{:.4g}".format  # of a parameter
+REMARKS = {"missing": "missing", "assumptions": "assumed", "warnings": "warning"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,8 @@ class Estimate:
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
         Details of the identification: singular values, order, poles, ranks, passes. "warnings" say what was seen to be
-        wrong; those about the data (see `ankleloop.checks.data.check_data`) are in "data_warnings" as well.
+        wrong; those about the data (see `ankleloop.checks.data.check_data`) are in "data_warnings" as well, and those
+        about the range of a trial that is predicted in "range_warnings".
         "assumptions" say what was taken for granted, and "missing" which parameters could not be had, and why.
     predictor : ankleloop.joint.models.Model or None
         The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None
@@ -139,25 +142,26 @@ class Estimate:
             raise DataError(
                 f"{self.method} has no fixed model to predict with: identify by another method."
             )
-        prepared, predictor = prepare(trial), self.predictor
-        torque = predictor.predict(prepared, cycle_onsets)
-        warnings = [*self.diagnostics.get("warnings", ()), *predictor.check_range(prepared)]
-        prediction = replace(
-            self, torque=torque, diagnostics={**self.diagnostics, "warnings": warnings}
-        )
-        add_measured(prediction, prepared)
-        return prediction
+        prepared = prepare(trial)
+        torque = self.predictor.predict(prepared, cycle_onsets)
+        range_warnings = self.predictor.check_range(prepared)
+        diagnostics = dict(self.diagnostics)
+        # What an earlier prediction, of which this one is made, says about its trial.
+        earlier = diagnostics.pop("range_warnings", ())
+        of_fit = [text for text in diagnostics.get("warnings", ()) if text not in earlier]
+        diagnostics["warnings"] = [*of_fit, *range_warnings]
+        if range_warnings:
+            diagnostics["range_warnings"] = range_warnings
+        return with_measured(replace(self, torque=torque, diagnostics=diagnostics), prepared)
 
     @property
     def vaf_net(self) -> float | None:
         """VAF of the net torque [%] without the first and the last second; None without a measured torque."""
         time = self.torque["time"]
         part = self.torque.sel(time=slice(time[0] + TRIM, time[-1] - TRIM))
-        return (
-            vaf(part[MEASURED], part["net"])
-            if MEASURED in part and part.sizes["time"] > 1
-            else None
-        )
+        if MEASURED not in part or part.sizes["time"] < 2:
+            return None
+        return vaf(part[MEASURED], part["net"])
 
     def summary(self) -> pd.DataFrame:
         """The parameters as a table.
@@ -177,15 +181,15 @@ class Estimate:
         >>> list(table.index)
         ['K', 'B', 'I', 'G', 'ωn', 'ζ', 'delay']
         """
-        values, nothing = {**self.stiffness, **self.reflex}, (float("nan"), float("nan"))
-        rows = {
-            quantity.symbol: (values[name], *self.intervals.get(name, nothing), quantity.unit)
-            for name, quantity in QUANTITIES.items()
-            if name in values
-        }
-        table = pd.DataFrame.from_dict(
-            rows, orient="index", columns=["value", "low", "high", "unit"]
-        )
+        values = {**self.stiffness, **self.reflex}
+        no_interval = (float("nan"), float("nan"))
+        rows = {}
+        for name, quantity in QUANTITIES.items():
+            if name in values:
+                interval = self.intervals.get(name, no_interval)
+                rows[quantity.symbol] = (values[name], *interval, quantity.unit)
+        columns = ["value", "low", "high", "unit"]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("parameter")
 
     def plot(self, trial: xr.Dataset | PreparedTrial | None = None) -> Figure:
@@ -223,49 +227,48 @@ class Estimate:
         """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""
         if not isinstance(other, Estimate):
             return NotImplemented
-        pairs = [
-            (getattr(self, name), getattr(other, name))
-            for name in ("method", "stiffness", "reflex", "intervals")
-        ]
-        return all(mine == theirs for mine, theirs in pairs) and self.torque.identical(other.torque)
+        return (
+            self.method == other.method
+            and self.stiffness == other.stiffness
+            and self.reflex == other.reflex
+            and self.intervals == other.intervals
+            and self.torque.identical(other.torque)
+        )
+
+    def __hash__(self) -> int:
+        """Of what equal estimates have alike: method and parameters."""
+        parameters = {**self.stiffness, **self.reflex}
+        return hash((self.method, frozenset(parameters.items())))
 
     def __repr__(self) -> str:
-        table = self.summary().to_string(
-            float_format="{:.4g}".format, na_rep="–", index_names=False
-        )
-        return "\n  ".join(
-            [f"<Estimate by {self.method}>", *table.splitlines(), *self._list_remarks()]
-        )
+        table = self.summary().to_string(float_format=DIGITS, na_rep="–", index_names=False)
+        heading = f"<Estimate by {self.method}>"
+        return "\n  ".join([heading, *table.splitlines(), *self._list_remarks()])
 
     def _repr_html_(self) -> str:
         """The same in a notebook."""
-        table = self.summary().to_html(float_format="{:.4g}".format, na_rep="–", index_names=False)
+        table = self.summary().to_html(float_format=DIGITS, na_rep="–", index_names=False)
         remarks = "".join(f"<li>{escape(text)}</li>" for text in self._list_remarks())
         return f"<p><b>Estimate by {escape(self.method)}</b></p>{table}<ul>{remarks}</ul>"
 
     def _list_remarks(self) -> list[str]:
         """Net VAF, where the delay comes from, what is missing or assumed, and warnings."""
-        score, delay = self.vaf_net, "estimated" if "delay" in self.intervals else "assumed"
-        lines = (
-            [f"reflex delay: {delay}"]
-            if score is None
-            else [f"net VAF: {score:.1f} %; reflex delay: {delay}"]
-        )
-        for kind, label in {
-            "missing": "missing",
-            "assumptions": "assumed",
-            "warnings": "warning",
-        }.items():
+        delay = "estimated" if "delay" in self.intervals else "assumed"
+        first = f"reflex delay: {delay}"
+        score = self.vaf_net
+        if score is not None:
+            first = f"net VAF: {score:.1f} %; {first}"
+        lines = [first]
+        for kind, label in REMARKS.items():
             lines += [f"{label}: {text}" for text in self.diagnostics.get(kind, ())]
         return lines
 
 
-def add_measured(estimate: Estimate, trial: PreparedTrial) -> None:
-    """Put the measured torque of a trial, less its mean, beside those of an estimate, at their times."""
-    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
-    values = trial.channel_at("torque", time, rate)
-    attributes = {
-        "units": "N·m",
-        "long_name": "measured torque",
-    }  # as in `torque_dataset`, in a third of the time
-    estimate.torque[MEASURED] = ("time", values - values.mean(), attributes)
+def with_measured(estimate: Estimate, trial: PreparedTrial) -> Estimate:
+    """The estimate with the measured torque of a trial, less its mean, beside its own, at their times."""
+    torque = estimate.torque
+    rate = torque.attrs["identification_rate"]
+    values = trial.channel_at("torque", torque["time"].values, rate)
+    attributes = {"units": "N·m", "long_name": "measured torque"}
+    measured = ("time", values - values.mean(), attributes)
+    return replace(estimate, torque=torque.assign({MEASURED: measured}))

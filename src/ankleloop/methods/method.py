@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import isfinite
-from typing import Any, Literal, cast
+from typing import Any, Literal, NamedTuple, Self, cast
 
 import xarray as xr
+from pydantic import model_validator
 
 from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate import Estimate, add_measured
+from ankleloop.joint.estimate import Estimate, with_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
@@ -19,6 +20,8 @@ from ankleloop.quantities import QUANTITIES
 Trial = xr.Dataset | PreparedTrial
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
 INPUTS = {"delay", "degree", "identification_rate"}  # options that regressors are made by
+POSITION = {"reference": "position"}  # options of a method that needs a reference, in open loop
+SPLINE_DEGREE = 4  # least degree of cubic splines
 
 
 class MethodOptions(Options):
@@ -46,7 +49,17 @@ class BasisOptions(MethodOptions):
         None,
         "basis of the static nonlinearity; null for the method's own: the rectifier in riv, else chebyshev",
     )
-    degree: int = option(5, "number of basis functions (the rectifier has one)", ge=1, le=30)
+    degree: int = option(
+        5, "number of basis functions (the rectifier has one, a spline four or more)", ge=1, le=30
+    )
+
+    @model_validator(mode="after")
+    def _check_degree(self) -> Self:
+        if self.basis == "spline" and self.degree < SPLINE_DEGREE:
+            raise ValueError(
+                f"degree: a cubic spline basis needs a degree of at least {SPLINE_DEGREE}, got {self.degree}."
+            )
+        return self
 
 
 class RectifierOptions(MethodOptions):
@@ -72,6 +85,38 @@ class RefinedOptions(MethodOptions):
     )
 
 
+class Validity(NamedTuple):
+    """Where a method is valid. In open loop with a reference every method is, if its paths need not be uncorrelated."""
+
+    # Options that make it valid in closed loop; None where nothing does, or nothing is known to.
+    closed: Mapping[str, Any] | None = None
+    # Options that make it valid in open loop if the record has no reference.
+    without_reference: Mapping[str, Any] = {}
+    closed_fault: str = "it is biased in closed loop"  # without these options
+    closed_caution: str = ""  # what to bear in mind where it is valid in closed loop
+    open_caution: str = ""  # what to bear in mind where it is valid in open loop
+    # Options with which it estimates the two paths one after the other, once, and is biased where they are correlated.
+    one_pass: Mapping[str, Any] | None = None
+
+
+UNKNOWN = Validity()  # of a method that says nothing: taken as valid in open loop only
+
+
+class Offer(NamedTuple):
+    """How `ankleloop identify` offers a method: with what suits a minute of a recording at the ankle.
+
+    To its options come those that make it valid in the loop of the recording.
+    """
+
+    label: str
+    options: Mapping[str, Any] = {}
+    # Further options without a reference. Candidates of options that are selected there: the VAF of data that the fit
+    # has not used tells them apart. With a reference a selection by instruments needs more than 20 s.
+    options_without_reference: Mapping[str, Any] = {}
+    candidates_without_reference: Mapping[str, Sequence[Any]] = {}
+    changing: bool = False  # whether it is only for a joint that changes
+
+
 @dataclass(frozen=True)
 class Method:
     """A method under its name.
@@ -90,12 +135,18 @@ class Method:
         by default the option `reference`.
     merges : bool
         Whether it merges several trials into one identification.
+    validity : Validity
+        In which loop it is valid, and with which options; by default it is not known to be valid in closed loop.
+    offer : Offer, optional
+        How `ankleloop identify` offers it; None where it does not.
 
     Examples
     --------
     >>> from ankleloop import METHODS, simulate
     >>> METHODS["riv"].merges, METHODS["pr-moesp"].merges
     (False, True)
+    >>> METHODS["pr-moesp"].validity.closed
+    {'input_matrices': 'instruments'}
     >>> METHODS["pr-moesp"](simulate(seed=1, duration=20.0), basis="rectifier").method
     'pr-moesp'
     """
@@ -105,32 +156,54 @@ class Method:
     identify: Callable[[Any, Any], Any]
     reference: Callable[[Any], str | None] = lambda options: getattr(options, "reference", None)
     merges: bool = False
+    validity: Validity = field(default=UNKNOWN, hash=False)
+    offer: Offer | None = field(default=None, hash=False)
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Any:
         """Identify a trial, or a list of trials that are merged: an estimate, or a list with one for each of them."""
         chosen = self.options.parse(f"method {self.name!r}", **options)
-        merged = isinstance(trial, (list, tuple))
-        trials = [prepare(part) for part in cast(Any, trial if merged else [trial])]
-        if merged:
-            if not self.merges:
-                raise DataError(
-                    f"{self.name} identifies one trial at a time; only the MOESP family merges trials."
-                )
-            if not trials:
-                raise DataError("there are no trials to merge.")
-            refuse_repeated_trials(trials)
+        is_list = isinstance(trial, (list, tuple))
+        trials = [prepare(part) for part in cast(Any, trial if is_list else [trial])]
+        if is_list:
+            self._check_merged(trials)
         reference = self.reference(chosen)
         data_warnings = check_data(trials, data_use(chosen, reference))
+        assumptions = _list_assumptions(chosen, reference)
         estimates = (
             self.identify(trials, chosen) if self.merges else [self.identify(trials[0], chosen)]
         )
-        for part, estimate in zip(trials, estimates, strict=True):
-            add_measured(estimate, part)
-            estimate.diagnostics.setdefault("assumptions", []).extend(
-                _list_assumptions(chosen, reference)
+        complete = [
+            self._complete(estimate, part, assumptions, data_warnings)
+            for part, estimate in zip(trials, estimates, strict=True)
+        ]
+        return complete if is_list else complete[0]
+
+    def _check_merged(self, trials: Sequence[PreparedTrial]) -> None:
+        """Refuse trials that cannot be merged."""
+        if not self.merges:
+            raise DataError(
+                f"{self.name} identifies one trial at a time; only the MOESP family merges trials."
             )
-            add_warnings(estimate, data_warnings)
-        return estimates if merged else estimates[0]
+        if not trials:
+            raise DataError("there are no trials to merge.")
+        refuse_repeated_trials(trials)
+
+    def _complete(
+        self,
+        estimate: Estimate,
+        trial: PreparedTrial,
+        assumptions: Sequence[str],
+        data_warnings: Sequence[str],
+    ) -> Estimate:
+        """The estimate with this method's name, the measured torque, what was taken for granted, and all warnings."""
+        diagnostics = dict(estimate.diagnostics)
+        diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
+        own = [*diagnostics.get("warnings", ()), *_list_faults(estimate)]
+        diagnostics["warnings"] = [*own, *data_warnings]
+        if data_warnings:
+            diagnostics["data_warnings"] = list(data_warnings)
+        named = replace(estimate, method=self.name, diagnostics=diagnostics)
+        return with_measured(named, trial)
 
 
 def _list_assumptions(options: Any, reference: str | None) -> list[str]:
@@ -159,26 +232,24 @@ def data_use(options: Any, reference: str | None) -> DataUse:
     return DataUse(reference=reference, **given)
 
 
-def add_warnings(estimate: Estimate, data_warnings: list[str]) -> None:
-    """Add warnings about parameters that are no numbers, or that no joint has with all of their interval, and data."""
-    diagnostics, values = estimate.diagnostics, {**estimate.stiffness, **estimate.reflex}
+def _list_faults(estimate: Estimate) -> list[str]:
+    """Warnings about parameters that are no numbers, or that no joint has with all of their interval."""
+    values = {**estimate.stiffness, **estimate.reflex}
+    warnings = []
     missing = [name for name, value in values.items() if not isfinite(value)]
-    warnings = (
-        [f"{', '.join(missing)} could not be computed: do not use this estimate."]
-        if missing
-        else []
-    )
+    if missing:
+        warnings.append(f"{', '.join(missing)} could not be computed: do not use this estimate.")
     for name, value in values.items():
-        quantity, (low, high) = QUANTITIES[name], estimate.intervals.get(name, (value, value))
-        least, most = quantity.plausible
+        quantity = QUANTITIES.get(name)
         is_given = name == "delay" and name not in estimate.intervals
-        if isfinite(value) and (high < least or low > most) and not is_given:
-            fault = (
-                "negative, which no joint has" if value < 0 else f"not within {least:g} … {most:g}"
-            )
-            warnings.append(
-                f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate."
-            )
-    diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *warnings, *data_warnings]
-    if data_warnings:
-        diagnostics["data_warnings"] = data_warnings
+        if quantity is None or is_given or name in missing:
+            continue
+        least, most = quantity.plausible
+        low, high = estimate.intervals.get(name, (value, value))
+        if high >= least and low <= most:
+            continue
+        fault = "negative, which no joint has" if value < 0 else f"not within {least:g} … {most:g}"
+        warnings.append(
+            f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate."
+        )
+    return warnings

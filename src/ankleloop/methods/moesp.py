@@ -7,18 +7,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
-import xarray as xr
+from pydantic import model_validator
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, fit_basis, separate_path
 from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors
-from ankleloop.methods.method import INPUTS, BasisOptions, KnownDelayOptions, Method
+from ankleloop.methods.method import (
+    INPUTS,
+    POSITION,
+    BasisOptions,
+    KnownDelayOptions,
+    Method,
+    Offer,
+    Validity,
+)
 from ankleloop.options import option
+from ankleloop.quantities import STIFFNESS
+from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
@@ -28,9 +38,9 @@ REGRESSION_TOLERANCE = 1e-3
 # Instruments, and the form of the projection unless another one is chosen.
 MEMBERS = {
     "pr-moesp": ("past-reference", "ordinary"),
-    "eiv-moesp": ("past-input-output", "correlation"),
     "pi-moesp": ("past-input", "ordinary"),
     "po-moesp": ("past-input-output", "ordinary"),
+    "eiv-moesp": ("past-input-output", "correlation"),
     "moesp": ("none", "ordinary"),
 }
 OmittedStep = Literal[
@@ -45,11 +55,13 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
     "scaling": {"scaling": False},
     "mean-removal": {"offsets": False},
 }
+# Options that mean the same there.
+SHARED_OPTIONS = {"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}
 POLYNOMIAL = "the reflex is a polynomial of the velocity: of a rectified one, five terms make G 13 to 21 % too large."
 
 
-class MoespModelOptions(KnownDelayOptions, BasisOptions):
-    """Options of the model of the MOESP family, for records of any length."""
+class MoespOptions(KnownDelayOptions, BasisOptions):
+    """Options of the MOESP family."""
 
     order: int | None = option(
         2, "order of the reflex; null: largest drop of the singular values", ge=1, le=20
@@ -78,11 +90,6 @@ class MoespModelOptions(KnownDelayOptions, BasisOptions):
     rank_tolerance: float = option(
         1e-5, "singular values below this fraction of the largest one count as zero", ge=0, lt=1
     )
-
-
-class MoespOptions(MoespModelOptions):
-    """Options of the MOESP family."""
-
     input_matrices: Literal["least-squares", "instruments"] = option(
         "least-squares", "how B and D are estimated; torque that is fed back biases least squares"
     )
@@ -94,6 +101,17 @@ class MoespOptions(MoespModelOptions):
         None,
         "step of the processing to leave out, to see what it is good for; null for the complete processing",
     )
+
+    @model_validator(mode="after")
+    def _check_rows(self) -> Self:
+        rows, leads, order = self.block_rows, self.instrument_leads, self.order or 1
+        if rows <= order:
+            raise ValueError(f"block_rows must be larger than the order ({order}), got {rows}.")
+        if leads > rows:
+            raise ValueError(
+                f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}."
+            )
+        return self
 
 
 def identify_moesp(
@@ -133,53 +151,63 @@ def identify_moesp(
     >>> bool(abs(estimate.stiffness["K"] - 150) < 1)
     True
     """
-    reference, step = _find_reference(member, options), options.omitted_step
-    inputs = options.model_dump(include=INPUTS) | {
-        "basis": options.basis or "chebyshev",
-        "reference": reference,
-    }
+    reference = _find_reference(member, options)
+    regressors = _make_regressors(trials, options, reference)
+    model = _fit_model(trials, regressors, options, member)
+    path = separate_reflex(model, regressors)
+    states = np.atleast_2d(model.initial_state)
+    return [
+        _describe_model(member, options, model, path, part, state)
+        for part, state in zip(regressors, states, strict=True)
+    ]
+
+
+def _make_regressors(
+    trials: Sequence[PreparedTrial], options: MoespOptions, reference: str | None
+) -> list[Regressors]:
+    """Regressors of each trial, with one basis for all of them."""
+    inputs = options.model_dump(include=INPUTS)
+    inputs["reference"] = reference
+    inputs["basis"] = options.basis or "chebyshev"
     if len(trials) > 1:
         velocity = np.concatenate([trial.velocity(options.delay) for trial in trials])
         inputs["basis"] = fit_basis(velocity, inputs["basis"], options.degree)
-    if step in get_args(InputStep):
-        inputs["omitted_step"] = step
-    regressors = [trial.regressors(**inputs) for trial in trials]
-    arguments = subspace_arguments(options, regressors[0], member) | SUBSPACE_OPTIONS.get(step, {})
+    if options.omitted_step in get_args(InputStep):
+        inputs["omitted_step"] = options.omitted_step
+    return [trial.regressors(**inputs) for trial in trials]
+
+
+def _fit_model(
+    trials: Sequence[PreparedTrial],
+    regressors: Sequence[Regressors],
+    options: MoespOptions,
+    member: str,
+) -> SubspaceEstimate:
+    """The linear model of all trials (Eq. 11)."""
+    arguments = subspace_arguments(options, regressors[0], member)
+    arguments |= SUBSPACE_OPTIONS.get(options.omitted_step, {})
     if options.free_b:
         arguments["dynamic"] = None
     if options.input_matrices == "instruments":
         pairs = zip(trials, regressors, strict=True)
         arguments["predicted_inputs"] = [trial.predict_inputs(part) for trial, part in pairs]
-    if reference is not None:
+    if _find_reference(member, options) is not None:
         arguments["reference"] = [part.reference for part in regressors]
-    signals = [part.inputs for part in regressors], [part.torque for part in regressors]
-    model = moesp(*signals, input_matrices=options.input_matrices, **arguments)
-    diagnostics: dict[str, Any] = {} if reference is None else {"reference": reference}
-    if step is not None:
-        diagnostics["warnings"] = [*model.diagnostics["warnings"], describe_omission(step)]
-    path, estimates = separate_reflex(model, regressors), []
-    for part, state in zip(regressors, np.atleast_2d(model.initial_state), strict=True):
-        if step == "mean-removal":  # less the state of rest under constant inputs
-            A, B = model.matrices.A, model.matrices.B
-            state = state - np.linalg.solve(np.eye(len(A)) - A, B @ part.inputs.mean(axis=0))
-        torque = simulate_torques(model.matrices, state, part)
-        estimate = describe_model(member, model, part, state, path, torque)
-        estimate.diagnostics.update(diagnostics)
-        if options.free_b:
-            estimate.stiffness.update(part.fit_stiffness(torque["intrinsic"].values))
-        estimates.append(estimate)
-    return estimates
+    return moesp(
+        [part.inputs for part in regressors],
+        [part.torque for part in regressors],
+        input_matrices=options.input_matrices,
+        **arguments,
+    )
 
 
 def subspace_arguments(
-    options: MoespModelOptions, regressors: Regressors, member: str
+    options: MoespOptions, regressors: Regressors, member: str
 ) -> dict[str, Any]:
     """Arguments of `ankleloop.subspace.moesp` beside the data."""
     instruments, projection = MEMBERS[member]
     return {
-        **options.model_dump(
-            include={"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}
-        ),
+        **options.model_dump(include=SHARED_OPTIONS),
         "instruments": instruments,
         "projection": options.projection or projection,
         "dt": 1.0 / options.identification_rate,
@@ -191,64 +219,119 @@ def subspace_arguments(
 def separate_reflex(model: SubspaceEstimate, regressors: Sequence[Regressors]) -> ReflexPath:
     """Nonlinearity and dynamics of the reflex path; the low-pass has a third pole where the model has three."""
     first = regressors[0]
-    spectra = DriveSpectra.of(np.concatenate([part.centred[1] for part in regressors]), first.rate)
-    order = 3 if len(model.matrices.A) == 3 else 2
+    drives = [part.centred[1] for part in regressors]
+    spectra = DriveSpectra.of(np.concatenate(drives), first.rate)
     reflex = model.matrices.select_inputs(first.reflex)
-    return separate_path(
-        reflex.frequency_response(np.exp(spectra.s / first.rate)), spectra, first.basis, order
-    )
+    response = reflex.frequency_response(np.exp(spectra.s / first.rate))
+    order = 3 if len(model.matrices.A) == 3 else 2
+    return separate_path(response, spectra, first.basis, order)
 
 
-def describe_model(
+def _describe_model(
     member: str,
+    options: MoespOptions,
     model: SubspaceEstimate,
+    path: ReflexPath,
     part: Regressors,
     state: np.ndarray,
-    path: ReflexPath,
-    torque: xr.Dataset,
 ) -> Estimate:
     """Estimate of a model, with K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
+    if options.omitted_step == "mean-removal":
+        state = state - _rest_state(model.matrices, part.inputs)
     inputs = ModelInputs.of(part)
     matrices = inputs.label(model.matrices)
-    diagnostics = {
-        "singular_values": model.singular_values,
-        **model.diagnostics,
-        **path.diagnostics,
-    }
-    if inputs.basis.kind == "chebyshev":
-        diagnostics["assumptions"] = [POLYNOMIAL]
+    torque = simulate_torques(model.matrices, state, part)
+    stiffness = dict(zip(STIFFNESS, matrices.D[0, :MOTION].tolist(), strict=True))
+    if options.free_b:
+        stiffness = part.fit_stiffness(torque["intrinsic"].values)
     return Estimate(
         method=member,
         torque=torque,
-        stiffness=dict(zip("KBI", matrices.D[0, :MOTION].tolist(), strict=True)),
+        stiffness=stiffness,
         reflex={"delay": inputs.delay, **path.valid_parameters},
-        diagnostics=diagnostics,
+        diagnostics=_describe_fit(member, options, model, path),
         predictor=StateSpaceModel(inputs, matrices, state),
     )
 
 
-def _find_reference(member: str, options: MoespOptions) -> str | None:
-    """The reference; None for members that have no use for one, and take a trial that has none."""
-    instruments = MEMBERS[member][0]
-    return (
-        options.reference
-        if instruments == "past-reference" or options.input_matrices == "instruments"
-        else None
-    )
+def _rest_state(matrices: Matrices, inputs: np.ndarray) -> np.ndarray:
+    """State of rest under the mean inputs."""
+    A, B = matrices.A, matrices.B
+    return np.linalg.solve(np.eye(len(A)) - A, B @ inputs.mean(axis=0))
 
 
-METHODS = tuple(
-    Method(
-        name,
-        MoespOptions,
-        partial(identify_moesp, member=name),
-        partial(_find_reference, name),
-        merges=True,
-    )
-    for name in MEMBERS
-)
+def _describe_fit(
+    member: str, options: MoespOptions, model: SubspaceEstimate, path: ReflexPath
+) -> dict[str, Any]:
+    """Diagnostics of a model, which all merged trials have alike."""
+    diagnostics = {"singular_values": model.singular_values, **model.diagnostics}
+    diagnostics |= path.diagnostics
+    if options.basis in (None, "chebyshev"):
+        diagnostics["assumptions"] = [POLYNOMIAL]
+    reference = _find_reference(member, options)
+    if reference is not None:
+        diagnostics["reference"] = reference
+    if options.omitted_step is not None:
+        warnings = model.diagnostics["warnings"]
+        diagnostics["warnings"] = [*warnings, describe_omission(options.omitted_step)]
+    return diagnostics
 
 
 def describe_omission(step: OmittedStep) -> str:
     """Warning about an estimate whose processing is not complete."""
     return f"The processing is not complete (omitted_step: {step})."
+
+
+def _find_reference(member: str, options: MoespOptions) -> str | None:
+    """The reference; None for members that have no use for one, and take a trial that has none."""
+    instruments, _ = MEMBERS[member]
+    if instruments == "past-reference" or options.input_matrices == "instruments":
+        return options.reference
+    return None
+
+
+INSTRUMENTS = {"input_matrices": "instruments"}
+SUBSPACE_POLES = (
+    "in closed loop its B and D are estimated by instruments, but its poles by a subspace step that is not consistent "
+    "there: compare K with that of riv (the study voluntary measures its error)."
+)
+WHITE_NOISE = "it assumes white noise: voluntary torque biases its poles, and with them K, B and I."
+BY_INSTRUMENTS = Validity(
+    closed=INSTRUMENTS,
+    closed_fault="least squares for B and D is biased in closed loop",
+    closed_caution=SUBSPACE_POLES,
+)
+
+
+def _member(name: str, validity: Validity, offer: Offer | None = None) -> Method:
+    """A member of the family as a method."""
+    return Method(
+        name,
+        MoespOptions,
+        partial(identify_moesp, member=name),
+        partial(_find_reference, name),
+        merges=True,
+        validity=validity,
+        offer=offer,
+    )
+
+
+METHODS = (
+    _member(
+        "pr-moesp",
+        BY_INSTRUMENTS._replace(without_reference=POSITION),
+        Offer("PR-MOESP", {"degree": 8, "block_rows": 20}),
+    ),
+    _member(
+        "pi-moesp",
+        BY_INSTRUMENTS,
+        Offer(
+            "PI-MOESP (spline)",  # a spline takes a rectifier with or without a threshold
+            {"block_rows": 20, "basis": "spline", "degree": 8},
+            candidates_without_reference={"degree": [6, 8, 12]},
+        ),
+    ),
+    _member("po-moesp", BY_INSTRUMENTS),
+    _member("eiv-moesp", BY_INSTRUMENTS._replace(open_caution=WHITE_NOISE)),
+    _member("moesp", Validity(open_caution=WHITE_NOISE)),
+)

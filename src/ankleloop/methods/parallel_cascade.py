@@ -13,7 +13,14 @@ from ankleloop.joint.hammerstein import DriveSpectra, separate_path
 from ankleloop.joint.models import ModelInputs, ResponseModel
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import INPUTS, KnownDelayOptions, Method, RectifierOptions
+from ankleloop.methods.method import (
+    INPUTS,
+    KnownDelayOptions,
+    Method,
+    Offer,
+    RectifierOptions,
+    Validity,
+)
 from ankleloop.options import option
 from ankleloop.signals.responses import lag_matrix
 from ankleloop.subspace.input_matrices import update_factor
@@ -56,11 +63,14 @@ def _compress(
     """
     first = max(leads, longest)
     position = lag_matrix(regressors.inputs[first - leads :, 0], leads, leads)
-    drive = lag_matrix(regressors.inputs[first - longest :, -1], 0, longest)[: len(position)]
-    lagged = np.vstack([position.T, drive.T, regressors.torque[first:][: len(position)]])
-    lagged -= lagged.mean(axis=1, keepdims=True)
-    triangle = update_factor(np.zeros((len(lagged),) * 2, order="F"), lagged.T)
-    return np.split(triangle, [position.shape[1], position.shape[1] + drive.shape[1]], axis=1)
+    rows, position_lags = position.shape
+    drive = lag_matrix(regressors.inputs[first - longest :, -1], 0, longest)[:rows]
+    torque = regressors.torque[first : first + rows]
+    signals = np.vstack([position.T, drive.T, torque])
+    signals -= signals.mean(axis=1, keepdims=True)
+    nothing = np.zeros((len(signals), len(signals)), order="F")
+    triangle = update_factor(nothing, signals.T)
+    return np.split(triangle, [position_lags, len(signals) - 1], axis=1)
 
 
 def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOptions) -> Estimate:
@@ -92,12 +102,13 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     >>> bool(estimate.diagnostics["converged"]), bool(abs(estimate.stiffness["K"] - 150) < 2)
     (True, True)
     """
-    regressors = trial.regressors(**options.model_dump(include=INPUTS), basis="rectifier")
+    inputs = options.model_dump(include=INPUTS)
+    regressors = trial.regressors(**inputs, basis="rectifier")
     rate = regressors.rate
-    leads, longest = round(options.intrinsic_lags * rate), round(options.reflex_lags * rate)
-    rows = np.arange(
-        max(leads, longest), regressors.torque.size - leads
-    )  # samples that have all lags
+    leads = round(options.intrinsic_lags * rate)
+    longest = round(options.reflex_lags * rate)
+    # Samples that have all lags.
+    rows = np.arange(max(leads, longest), regressors.torque.size - leads)
     unknowns = 2 * leads + longest + 2
     if rows.size < 2 * unknowns:
         raise DataError(
@@ -105,22 +116,25 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
         )
 
     *lagged, target = _compress(trial, regressors, leads, longest)
-    responses, history, converged = _alternate(lagged, target[:, 0], options)
-    model = ResponseModel(ModelInputs.of(regressors), *responses)
+    torques, history, converged = _alternate(lagged, target[:, 0], options)
+    pairs = zip(lagged, torques, strict=True)
+    intrinsic, reflex = (np.linalg.lstsq(*pair, rcond=SIGNIFICANT)[0] for pair in pairs)
+    model = ResponseModel(ModelInputs.of(regressors), intrinsic, reflex)
     torque = model.simulate(trial, regressors)
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
-    reflex = np.polyval(responses[1][::-1], np.exp(-spectra.s / rate))[:, None]
-    path = separate_path(reflex, spectra, regressors.basis)
-    passes = {"passes": len(history), "converged": converged, "history": history}
-    warnings = (
-        [] if converged or options.max_passes else [f"no convergence within {PASS_CEILING} passes"]
-    )
+    response = np.polyval(reflex[::-1], np.exp(-spectra.s / rate))
+    path = separate_path(response[:, None], spectra, regressors.basis)
+    diagnostics = {"passes": len(history), "converged": converged, "history": history}
+    diagnostics |= path.diagnostics
+    diagnostics["warnings"] = []
+    if not converged and options.max_passes is None:
+        diagnostics["warnings"] = [f"no convergence within {PASS_CEILING} passes"]
     return Estimate(
         method="parallel-cascade",
         torque=torque,
         stiffness=regressors.fit_stiffness(torque["intrinsic"].values, rows),
         reflex={"delay": options.delay, **path.valid_parameters},
-        diagnostics={**passes, **path.diagnostics, "warnings": warnings},
+        diagnostics=diagnostics,
         predictor=model,
     )
 
@@ -128,22 +142,28 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
 def _alternate(
     lagged: Sequence[np.ndarray], target: np.ndarray, options: ParallelCascadeOptions
 ) -> tuple[list[np.ndarray], list[float], bool]:
-    """Impulse responses by alternating least squares; the history holds the net VAF after each pass."""
+    """Torques of both paths by alternating least squares; the history holds the net VAF after each pass."""
     directions = [linalg.orth(part, SIGNIFICANT) for part in lagged]
-    torques, converged = [np.zeros_like(target)] * 2, False
+    torques = [np.zeros_like(target), np.zeros_like(target)]
     history: list[float] = []
-    while len(history) < (options.max_passes or PASS_CEILING) and not converged:
+    most = options.max_passes or PASS_CEILING
+    while len(history) < most:
         for path, other in ((0, 1), (1, 0)):
-            torques[path] = directions[path] @ (directions[path].T @ (target - torques[other]))
+            rest = target - torques[other]
+            torques[path] = directions[path] @ (directions[path].T @ rest)
         residual = target - torques[0] - torques[1]
         history.append(float(100 * (1 - residual @ residual / (target @ target))))
-        converged = len(history) > 1 and history[-1] - history[-2] < options.tolerance
-    pairs = zip(lagged, torques, strict=True)
-    return (
-        [np.linalg.lstsq(part, torque, rcond=SIGNIFICANT)[0] for part, torque in pairs],
-        history,
-        converged,
-    )
+        if len(history) > 1 and history[-1] - history[-2] < options.tolerance:
+            return torques, history, True
+    return torques, history, False
 
 
-METHODS = (Method("parallel-cascade", ParallelCascadeOptions, identify_parallel_cascade),)
+METHODS = (
+    Method(
+        "parallel-cascade",
+        ParallelCascadeOptions,
+        identify_parallel_cascade,
+        validity=Validity(one_pass={"max_passes": 1}),
+        offer=Offer("Parallel cascade, to convergence"),
+    ),
+)

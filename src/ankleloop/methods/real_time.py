@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ankleloop.errors import DataError
@@ -9,8 +11,15 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import sum_paths
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, torque_dataset
-from ankleloop.methods.method import INPUTS, KnownDelayOptions, Method, RectifierOptions
+from ankleloop.methods.method import (
+    INPUTS,
+    KnownDelayOptions,
+    Method,
+    RectifierOptions,
+    Validity,
+)
 from ankleloop.options import option
+from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.responses import lag_matrix
 
 UPDATE_RATE = 10.0  # Hz at which parameters are solved for and traced
@@ -80,38 +89,43 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     True
     """
     settling = options.memory if options.settling is None else options.settling
-    regressors = trial.regressors(**options.model_dump(include=INPUTS), basis="rectifier")
-    rate, torque = regressors.rate, regressors.torque
+    inputs = options.model_dump(include=INPUTS)
+    regressors = trial.regressors(**inputs, basis="rectifier")
+    rate = regressors.rate
     first = round(settling * rate)
-    if torque.size < first + 2 * rate:
+    samples = regressors.torque.size
+    if samples < first + 2 * rate:
         raise DataError(
-            f"the record of {torque.size / rate:.3g} s is too short for {settling:g} s of settling: record longer."
+            f"the record of {samples / rate:.3g} s is too short for {settling:g} s of settling: record longer."
         )
     chunk = max(1, round(rate / UPDATE_RATE))
     forgetting = float(np.exp(-1.0 / (options.memory * rate)))
+    track = partial(_track, forgetting=forgetting, chunk=chunk, settling=first)
     # The operating point is that of the settling time: later samples are not known when the parameters begin to count.
     known = slice(0, max(first, round(SHORTEST_LEVEL * rate)))
-    motion, torque = regressors.inputs[:, :MOTION].copy(), torque - torque[known].mean()
+    torque = regressors.torque - regressors.torque[known].mean()
+    motion = regressors.inputs[:, :MOTION].copy()
     motion[:, 0] -= motion[known, 0].mean()
-    intrinsic, stiffness = _track(motion, torque, forgetting, chunk, first)
-    drive, longest = regressors.inputs[:, -1], round(options.reflex_lags * rate)
-    padded = np.concatenate(
-        (np.full(longest, drive[0]), drive)
-    )  # before the record it has its first value
-    lagged = lag_matrix(padded, 0, longest)
-    reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)
-    traces = dict(zip("KBIG", [*stiffness.T, responses.sum(axis=1)], strict=True))
+    intrinsic, stiffness = track(motion, torque)
+    drive = regressors.inputs[:, -1]
+    longest = round(options.reflex_lags * rate)
+    earlier = np.full(longest, drive[0])  # before the record it has its first value
+    lagged = lag_matrix(np.concatenate((earlier, drive)), 0, longest)
+    reflex, responses = track(lagged, torque - intrinsic)
+    traces = dict(zip(STIFFNESS, stiffness.T, strict=True))
+    traces["G"] = responses.sum(axis=1)
     time = regressors.time[::chunk]
-    traced = {f"trace_{name}": trace for name, trace in traces.items()}
-    means = {
-        name: float(trace[time >= regressors.time[first]].mean()) for name, trace in traces.items()
-    }
+    counts = time >= regressors.time[first]
+    means = {name: float(trace[counts].mean()) for name, trace in traces.items()}
+    diagnostics = {"settling": settling, "trace_time": time}
+    diagnostics |= {f"trace_{name}": trace for name, trace in traces.items()}
+    torques = sum_paths(intrinsic, reflex)
     return Estimate(
         method="real-time",
-        torque=torque_dataset(regressors.time, rate, **sum_paths(intrinsic, reflex)),
-        stiffness={name: means[name] for name in "KBI"},
+        torque=torque_dataset(regressors.time, rate, **torques),
+        stiffness={name: means[name] for name in STIFFNESS},
         reflex={"delay": options.delay, "G": means["G"]},
-        diagnostics={"settling": settling, "trace_time": time, **traced},
+        diagnostics=diagnostics,
     )
 
 
@@ -124,27 +138,31 @@ def _track(
     """
     scale = inputs.std(axis=0)
     scale[scale == 0] = 1.0
-    phi = np.column_stack([inputs / scale, np.ones(target.size)])
-    unknowns = phi.shape[1]
-    information, projection, theta = (
-        np.zeros((unknowns, unknowns)),
-        np.zeros(unknowns),
-        np.zeros(unknowns),
-    )
+    regressors = np.column_stack([inputs / scale, np.ones(target.size)])
+    unknowns = regressors.shape[1]
+    information = np.zeros((unknowns, unknowns))
+    projection = np.zeros(unknowns)
+    theta = np.zeros(unknowns)
     prediction = np.empty(target.size)
-    parameters = np.empty((-(-target.size // chunk), unknowns - 1))
-    for k, start in enumerate(range(0, target.size, chunk)):
+    starts = range(0, target.size, chunk)
+    parameters = np.empty((len(starts), unknowns - 1))
+    for k, start in enumerate(starts):
         rows = slice(start, start + chunk)
-        part, parameters[k] = phi[rows], theta[:-1] / scale
+        part = regressors[rows]
+        parameters[k] = theta[:-1] / scale
         prediction[rows] = part[:, :-1] @ theta[:-1]
+        decay = forgetting ** len(part)
         weighted = part.T * forgetting ** np.arange(len(part))[::-1]
-        information = forgetting ** len(part) * information + weighted @ part
-        projection = forgetting ** len(part) * projection + weighted @ target[rows]
-        ridge = RIDGE * np.trace(information) / unknowns * np.eye(unknowns)
-        theta = np.linalg.solve(information + ridge, projection)
+        information = decay * information + weighted @ part
+        projection = decay * projection + weighted @ target[rows]
+        ridge = RIDGE * np.trace(information) / unknowns
+        theta = np.linalg.solve(information + ridge * np.eye(unknowns), projection)
     first = -(-settling // chunk)
-    prediction[: first * chunk] = inputs[: first * chunk] @ parameters[first]
+    hindsight = slice(0, first * chunk)
+    prediction[hindsight] = inputs[hindsight] @ parameters[first]
     return prediction, parameters
 
 
-METHODS = (Method("real-time", RealTimeOptions, identify_real_time),)
+METHODS = (
+    Method("real-time", RealTimeOptions, identify_real_time, validity=Validity(one_pass={})),
+)

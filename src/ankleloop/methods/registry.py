@@ -3,39 +3,96 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from dataclasses import replace
+from functools import cache
+from importlib.metadata import EntryPoint
+from typing import Any, NamedTuple, cast
 
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods import moesp, parallel_cascade, real_time
-from ankleloop.methods.method import Method, Trial
+from ankleloop.methods.entry_points import GROUP, find_entry_points, name_package
+from ankleloop.methods.method import POSITION, Method, Trial
 from ankleloop.methods.riv import riv
 from ankleloop.methods.riv_tv import riv_tv
 from ankleloop.methods.selection import check_selection, select_options
 from ankleloop.options import suggest_name
 
-FAMILIES = (moesp, parallel_cascade, real_time, riv, riv_tv)
-DEFAULT = "riv"  # where there is a reference; without one no method is valid whatever the loop
-NO_DEFAULT = (
-    "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as reference, "
-    "or, if nothing was compliant while it was recorded (open loop), name a method: 'riv' or 'pr-moesp' with "
-    "reference='position', 'pi-moesp', 'po-moesp', 'eiv-moesp', 'moesp', 'parallel-cascade' or 'real-time'."
-)
+# In the order in which methods are preferred where the data cannot tell them apart: the fewest parameters first.
+FAMILIES = (riv, moesp, parallel_cascade, real_time, riv_tv)
 METHODS: Mapping[str, Method] = {
     method.name: method for module in FAMILIES for method in module.METHODS
 }
+DEFAULT = "riv"  # where there is a reference; without one no method is valid whatever the loop
 
 
-def find_method(name: str) -> Method:
-    """The method of a name."""
-    if not isinstance(name, str) or name not in METHODS:
-        raise ValueError(
-            f"unknown method {name!r}{suggest_name(name, METHODS)}; known: {', '.join(METHODS)}."
-        )
-    return METHODS[name]
+class Registered(NamedTuple):
+    """What other packages register."""
+
+    methods: dict[str, Method]  # by their names
+    faults: list[str]  # sentences about entry points that cannot be used
 
 
-def method_options(method: str) -> dict[str, Any]:
+def find_method(method: str | Method) -> Method:
+    """The method of a name, of the library or registered by another package; a method is found as it is."""
+    if isinstance(method, Method):
+        return method
+    if isinstance(method, str) and method in METHODS:
+        return METHODS[method]
+    registered = load_registered()
+    if isinstance(method, str) and method in registered.methods:
+        return registered.methods[method]
+    known = {**METHODS, **registered.methods}
+    message = f"unknown method {method!r}{suggest_name(method, known)}; known: {', '.join(known)}."
+    raise ValueError(" ".join([message, *registered.faults]))
+
+
+@cache
+def load_registered() -> Registered:
+    """Methods of the entry points of other packages, the first of a name."""
+    registered = Registered({}, [])
+    for entry_point in find_entry_points():
+        try:
+            for method in _load(entry_point):
+                registered.methods.setdefault(method.name, method)
+        except Exception as error:  # whatever the code of another package raises
+            fault = f"{type(error).__name__}: {error}"
+            registered.faults.append(
+                f"The methods {entry_point.name!r} of the package {name_package(entry_point)} cannot be loaded "
+                f"({fault})."
+            )
+    return registered
+
+
+def _load(entry_point: EntryPoint) -> tuple[Method, ...]:
+    """Methods of an entry point: a `Method`, or a tuple of them."""
+    value = entry_point.load()
+    methods = value if isinstance(value, tuple) else (value,)
+    for method in methods:
+        if not isinstance(method, Method):
+            raise TypeError(
+                f"an entry point of {GROUP} is a Method or a tuple of them, got {method!r}"
+            )
+    return methods
+
+
+def _takes_position(method: Method) -> bool:
+    """Whether a method needs the position as reference where there is no other."""
+    return method.validity.without_reference == POSITION
+
+
+def _describe_no_default() -> str:
+    """Why there is no default without a reference, and which methods there are if the loop is open."""
+    by_position = [repr(name) for name, method in METHODS.items() if _takes_position(method)]
+    others = [repr(name) for name, method in METHODS.items() if not _takes_position(method)]
+    return (
+        "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
+        "reference, or, if nothing was compliant while it was recorded (open loop), name a method: "
+        f"{' or '.join(by_position)} with reference='position', {', '.join(others[:-1])} or {others[-1]}."
+    )
+
+
+def method_options(method: str | Method) -> dict[str, Any]:
     """Options of a method with their defaults.
 
     >>> method_options("parallel-cascade")["tolerance"]
@@ -46,7 +103,7 @@ def method_options(method: str) -> dict[str, Any]:
 
 def identify(
     trial: Trial | Sequence[Trial],
-    method: str | None = None,
+    method: str | Method | None = None,
     *,
     select: Mapping[str, Sequence[Any]] | None = None,
     criterion: str | None = None,
@@ -59,13 +116,14 @@ def identify(
     trial : xarray.Dataset, or list of those
         A trial from `new_trial`, `read_trial` or `simulate`. The MOESP family merges several short ones into one
         identification. A trial that several methods take can be prepared once by `ankleloop.joint.prepared.prepare`.
-    method : str, optional
+    method : str or Method, optional
         By default "riv", which torque that is fed back does not bias, where the trial has a `reference`. One of
         `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
         `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
         `ankleloop.methods.parallel_cascade.identify_parallel_cascade`), "real-time" (see
         `ankleloop.methods.real_time.identify_real_time`), "riv" (see `ankleloop.methods.riv.riv.identify_riv`) or
-        "riv-tv" (see `ankleloop.methods.riv_tv.riv_tv.identify_riv_tv`).
+        "riv-tv" (see `ankleloop.methods.riv_tv.riv_tv.identify_riv_tv`); the name of a method that another package
+        registers by an entry point of the group ``ankleloop.methods``; or a `ankleloop.methods.method.Method`.
     select : dict of str to sequence, optional
         Options to choose from, each with its candidates from simple to complex. The choice is made on parts of the
         record that the fit has not seen (see `ankleloop.methods.selection.select_options`), then the whole record is
@@ -97,19 +155,19 @@ def identify(
     >>> sorted(estimate.stiffness)
     ['B', 'I', 'K']
     """
-    if method is None and isinstance(trial, (list, tuple)):
+    is_list = isinstance(trial, (list, tuple))
+    if method is None and is_list:
         raise DataError(
             "name the method for trials that are merged: one of the MOESP family, such as pr-moesp."
         )
     if method is None and "reference" not in prepare(cast(Trial, trial)).trial:
-        raise DataError(NO_DEFAULT)
+        raise DataError(_describe_no_default())
     entry = find_method(DEFAULT if method is None else method)
     if select is None and criterion is None:
         return entry(trial, **options)
-    candidates = check_selection(
-        f"method {entry.name!r}", entry.options, options, select, criterion
-    )
-    if isinstance(trial, (list, tuple)):
+    owner = f"method {entry.name!r}"
+    candidates = check_selection(owner, entry.options, options, select, criterion)
+    if is_list:
         raise DataError(
             "options are selected on one trial at a time: set them for trials that are merged."
         )
@@ -117,5 +175,4 @@ def identify(
         cast(Trial, trial), entry, candidates, criterion=criterion, **options
     )
     estimate = entry(trial, **options, **selection["chosen"])
-    estimate.diagnostics["selection"] = selection
-    return estimate
+    return replace(estimate, diagnostics={**estimate.diagnostics, "selection": selection})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -13,22 +13,53 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.regressors import MEASURED, MOTION
 from ankleloop.methods.method import NOMINAL_DELAY, Trial
 from ankleloop.options import Options, check_choice, show_value
+from ankleloop.signals.responses import lag_matrix
 from ankleloop.signals.sampling import match_times
 from ankleloop.trials.trial import segment
 
 CRITERIA = ("instrumental", "cross-validation")
 SETTLING = 1.0  # s at either end of a test part
 SEGMENT = 2.0  # s over which losses are summed before their scatter is computed
-TERMS = 5  # spline terms of the delayed velocity among the instruments
-LAGS = 0.4  # s of these terms
-STEP = 0.02  # s between lags
-LEADS = 0.05  # s of the position, either way
+# Instruments: leads and lags of the position that the reference explains, lags of splines of its delayed velocity.
+POSITION_LAGS = 0.05  # s, either way
+SPLINE_TERMS = 5
+SPLINE_LAGS = 0.4  # s
+SPLINE_LAG_STEP = 0.02  # s
 
 
-# A half of a record to fit to, the other one to test on, and times of the latter with instruments at them.
-Half = tuple[PreparedTrial, PreparedTrial, tuple[np.ndarray, np.ndarray] | None]
+class Instruments(NamedTuple):
+    """Instruments at some times of a trial."""
+
+    time: np.ndarray  # shape (N,)
+    columns: np.ndarray  # shape (N, instruments)
+
+
+class Half(NamedTuple):
+    """A half of a record to fit to, and the other one to test on."""
+
+    training: PreparedTrial
+    test: PreparedTrial
+    instruments: Instruments | None  # of the test; None without a reference
+
+
+class Losses(NamedTuple):
+    """Squares of the torque of all tests, summed over segments, shape (segments,)."""
+
+    residual: np.ndarray
+    torque: np.ndarray
+
+    @classmethod
+    def join(cls, parts: Sequence[Losses]) -> Losses:
+        """Losses of several tests as one."""
+        return cls(*(np.hstack(arrays) for arrays in zip(*parts, strict=True)))
+
+    @property
+    def score(self) -> float:
+        """Share of the torque that is explained [%]."""
+        return float(100.0 * (1.0 - self.residual.sum() / self.torque.sum()))
 
 
 def select_options(
@@ -88,45 +119,54 @@ def select_options(
     >>> select_options(trial, fit, {"basis": ["rectifier"], "order": [1, 2]})["chosen"]
     {'basis': 'rectifier', 'order': 2}
     """
-    record, reference = prepare(trial).trial, options.get("reference", "reference")
+    record = prepare(trial).trial
+    reference = options.get("reference", "reference")
     has_reference = reference in record and reference != "position"
-    criterion = criterion or ("instrumental" if has_reference else "cross-validation")
+    if criterion is None:
+        criterion = "instrumental" if has_reference else "cross-validation"
     if criterion == "instrumental" and not has_reference:
         raise DataError(
             f"the instrumental criterion needs a reference, and there is no {reference!r}: use 'cross-validation'."
         )
-    delay, rate = options.get("delay"), options.get("identification_rate", 100.0)
-    inputs = {"delay": NOMINAL_DELAY if delay is None else delay, "identification_rate": rate}
+    delay = options.get("delay")
+    inputs = {
+        "delay": NOMINAL_DELAY if delay is None else delay,
+        "identification_rate": options.get("identification_rate", 100.0),
+    }
     halves = _halve(record, reference if has_reference else None, inputs)
     rows: list[dict[str, Any]] = []
-    losses: dict[
-        int, np.ndarray
-    ] = {}  # by the number of the candidate, of those that could be fitted
+    # By the number of the candidate, of those that could be fitted.
+    losses: dict[int, np.ndarray] = {}
     for number, values in enumerate(itertools.product(*candidates.values())):
         selected = dict(zip(candidates, values, strict=True))
-        rows.append({**selected, "scores": {}, "warnings": []})
-        bound = partial(fit, **options, **selected)
+        row = {**selected, "scores": {}, "warnings": []}
+        rows.append(row)
+        fit_selected = partial(fit, **options, **selected)
         try:
-            sums, rows[-1]["warnings"] = _score(halves, bound, options.get("cycle_onsets"))
-            rows[-1]["scores"] = {
-                name: float(100.0 * (1.0 - r.sum() / y.sum())) for name, (r, y) in sums.items()
-            }
-            losses[number] = sums[criterion][0]
+            by_criterion, warnings = _score(halves, fit_selected, options.get("cycle_onsets"))
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
-            rows[-1]["error"] = str(error)
+            row["error"] = str(error)
+        else:
+            row["scores"] = {name: part.score for name, part in by_criterion.items()}
+            row["warnings"] = warnings
+            losses[number] = by_criterion[criterion].residual
     if not losses:
         raise DataError(
             f"no candidate could be fitted; the first one failed with: {rows[0]['error']}"
         )
-    losses = {k: loss for k, loss in losses.items() if not rows[k]["warnings"]} or losses
-    best = min(losses.values(), key=np.sum)
-    excesses = {k: loss - best for k, loss in losses.items()}
-    # The first one that is not worse than the best by more than one standard error.
-    number = next(
-        k for k, part in excesses.items() if part.sum() <= np.std(part, ddof=1) * np.sqrt(part.size)
-    )
-    chosen = {name: rows[number][name] for name in candidates}
+    without_warning = {k: loss for k, loss in losses.items() if not rows[k]["warnings"]}
+    comparable = without_warning or losses
+    best = min(comparable.values(), key=np.sum)
+    first = next(k for k, loss in comparable.items() if _is_as_good(loss, best))
+    chosen = {name: rows[first][name] for name in candidates}
     return {"criterion": criterion, "candidates": rows, "chosen": chosen}
+
+
+def _is_as_good(loss: np.ndarray, best: np.ndarray) -> bool:
+    """Whether a loss is larger than the best one by at most one standard error of their difference."""
+    excess = loss - best
+    error = np.std(excess, ddof=1) * np.sqrt(excess.size)
+    return bool(excess.sum() <= error)
 
 
 def check_selection(
@@ -140,63 +180,66 @@ def check_selection(
     select = {} if select is None else select
     check_choice(owner, "criterion", criterion, (*CRITERIA, None))
     kinds = (list, tuple, range, np.ndarray)
-    listed = isinstance(select, Mapping) and all(
+    is_listed = isinstance(select, Mapping) and all(
         isinstance(part, kinds) and len(part) for part in select.values()
     )
-    if not listed or (criterion is not None and not select) or "identification_rate" in select:
+    if not is_listed or (criterion is not None and not select) or "identification_rate" in select:
         raise ValueError(
             "select must be a dict of options, each with a list of at least one value, and not of identification_rate "
             f"(residuals at different rates contain different bands of noise), got {show_value(select)}."
         )
-    if both := sorted(set(options) & set(select)):
+    both = sorted(set(options) & set(select))
+    if both:
         raise TypeError(
             f"option {both[0]!r} is given, and to be selected as well: choose one of the two."
         )
+    place = f"select: {owner}" if select else owner
     for combination in itertools.product(*select.values()):
-        model.parse(
-            f"select: {owner}" if select else owner,
-            **options,
-            **dict(zip(select, combination, strict=True)),
-        )
+        selected = dict(zip(select, combination, strict=True))
+        model.parse(place, **options, **selected)
     return {name: list(values) for name, values in select.items()}
 
 
 def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any]) -> list[Half]:
-    time, rate = record["time"].values, float(record.attrs["sampling_rate"])
-    edges = np.linspace(time[0], time[-1] + 1.0 / rate, 3)
-    duration, least = edges[2] - edges[0], 2.0 * (2.0 * SETTLING + SEGMENT)
+    """Each half of a record to test on, and the other one to fit to."""
+    time = record["time"].values
+    end = time[-1] + 1.0 / float(record.attrs["sampling_rate"])
+    duration = end - time[0]
+    least = 2.0 * (2.0 * SETTLING + SEGMENT)
     if duration < least:
         raise DataError(
             f"the record of {duration:.3g} s is too short: a selection needs {least:g} s. Record longer."
         )
-    halves = [prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges)]
-    pairs = zip(halves[::-1], halves, strict=True)
-    return [
-        (fit, test, None if reference is None else _instruments(test, reference, inputs))
-        for fit, test in pairs
+    edges = np.linspace(time[0], end, 3)
+    first, second = (prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges))
+    halves = []
+    for training, test in ((second, first), (first, second)):
+        instruments = None if reference is None else _instruments(test, reference, inputs)
+        halves.append(Half(training, test, instruments))
+    return halves
+
+
+def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, Any]) -> Instruments:
+    """Leads and lags of the position that the reference explains, and of splines of its velocity."""
+    regressors = test.regressors(**inputs, basis="spline", degree=SPLINE_TERMS, reference=reference)
+    predicted = test.predict_inputs(regressors)
+    rate = regressors.rate
+    leads = round(POSITION_LAGS * rate)
+    longest = round(SPLINE_LAGS * rate)
+    step = max(1, round(SPLINE_LAG_STEP * rate))
+    # Both have the rows of the samples with `leads` before the end and `longest` after the start.
+    position = lag_matrix(predicted[longest - leads :, 0], leads, leads)
+    splines = [
+        lag_matrix(term, 0, longest)[: len(position), ::step] for term in predicted[:, MOTION:].T
     ]
+    time = regressors.time[longest : longest + len(position)]
+    return Instruments(time, np.hstack([position, *splines]))
 
 
-def _instruments(
-    test: PreparedTrial, reference: str, inputs: Mapping[str, Any]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Times, and instruments at these times: leads and lags of the position that the reference explains."""
-    regressors = test.regressors(**inputs, basis="spline", degree=TERMS, reference=reference)
-    predicted, rate = test.predict_inputs(regressors), regressors.rate
-    leads = round(LEADS * rate)
-    # Shifts are circular; samples that wrap around lie at the ends, which are not scored.
-    columns = [np.roll(predicted[:, 0], shift) for shift in range(-leads, leads + 1)]
-    for lag in range(0, round(LAGS * rate) + 1, max(1, round(STEP * rate))):
-        columns += [np.roll(term, lag) for term in predicted[:, 3:].T]
-    return regressors.time, np.column_stack(columns)
-
-
-def _project(
-    instruments: tuple[np.ndarray, np.ndarray], time: np.ndarray, signals: np.ndarray
-) -> np.ndarray:
+def _project(instruments: Instruments, time: np.ndarray, signals: np.ndarray) -> np.ndarray:
     """Projection of signals on instruments, at the times that both have."""
-    rows, common = match_times(instruments[0], time)
-    columns = instruments[1][rows]
+    rows, common = match_times(instruments.time, time)
+    columns = instruments.columns[rows]
     basis = np.linalg.qr(columns - columns.mean(axis=0))[0]
     projection = np.zeros_like(signals)
     projection[:, common] = (signals[:, common] @ basis) @ basis.T
@@ -207,33 +250,41 @@ def _score(
     halves: Sequence[Half],
     fit: Callable[[PreparedTrial], Estimate],
     cycle_onsets: str | Sequence[float] | None,
-) -> tuple[dict[str, np.ndarray], list[str]]:
-    """By criterion, squares of residual and torque, summed over segments, shape (2, segments); warnings of the fits."""
-    sums: dict[str, list[list[np.ndarray]]] = {}
+) -> tuple[dict[str, Losses], list[str]]:
+    """Losses by criterion, and warnings of the fits."""
+    losses: dict[str, list[Losses]] = {}
     warnings: list[str] = []
-    for training, test, instruments in halves:
-        estimate = fit(training)
+    for half in halves:
+        estimate = fit(half.training)
         if estimate.trajectories is not None and "time" in estimate.trajectories.sizes:
             raise DataError(
                 "its parameters change with time, and those of one half are not those of the other: set the options."
             )
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
-        torque = estimate.predict(test, cycle_onsets=cycle_onsets).torque
-        time = torque["time"].values
-        scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
-        signals = np.stack([torque["measured"] - torque["net"], torque["measured"]])[:, scored]
-        if not np.isfinite(signals).all():
-            raise DataError("the prediction of unseen data is not finite.")
-        signals -= signals.mean(axis=1, keepdims=True)
-        explainable = {"cross-validation": signals}
-        if instruments is not None:
-            explainable["instrumental"] = _project(instruments, time[scored], signals)
-        # Counted from the start of the half, so that all candidates have the same segments.
-        start, stop = test.time[[0, -1]]
-        segments = ((time[scored] - start) / SEGMENT).astype(int)
-        count = int((stop - start) / SEGMENT) + 1
-        for name, pair in explainable.items():
-            sums.setdefault(name, []).append(
-                [np.bincount(segments, signal**2, count) for signal in pair]
-            )
-    return {name: np.hstack(parts) for name, parts in sums.items()}, list(dict.fromkeys(warnings))
+        torque = estimate.predict(half.test, cycle_onsets=cycle_onsets).torque
+        for name, part in _test(torque, half).items():
+            losses.setdefault(name, []).append(part)
+    joined = {name: Losses.join(parts) for name, parts in losses.items()}
+    return joined, list(dict.fromkeys(warnings))
+
+
+def _test(torque: xr.Dataset, half: Half) -> dict[str, Losses]:
+    """Losses of predicted torques in a half by every criterion that it allows."""
+    time = torque["time"].values
+    is_scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
+    time = time[is_scored]
+    signals = np.stack([torque[MEASURED] - torque["net"], torque[MEASURED]])[:, is_scored]
+    if not np.isfinite(signals).all():
+        raise DataError("the prediction of unseen data is not finite.")
+    signals -= signals.mean(axis=1, keepdims=True)
+    explainable = {"cross-validation": signals}
+    if half.instruments is not None:
+        explainable["instrumental"] = _project(half.instruments, time, signals)
+    # Segments are counted from the start of the half, so that all candidates have the same.
+    start, stop = half.test.time[[0, -1]]
+    segments = ((time - start) / SEGMENT).astype(int)
+    count = int((stop - start) / SEGMENT) + 1
+    return {
+        name: Losses(*(np.bincount(segments, signal**2, count) for signal in pair))
+        for name, pair in explainable.items()
+    }

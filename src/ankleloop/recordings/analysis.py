@@ -18,12 +18,12 @@ from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import MEASURED, TORQUES
-from ankleloop.methods.method import Trial
+from ankleloop.methods.method import Method, Trial, Validity
 from ankleloop.methods.registry import find_method, identify
 from ankleloop.methods.riv.alternatives import compute_shifts, format_shifts
 from ankleloop.methods.selection import check_selection
 from ankleloop.recordings.checks import Check, check_trial
-from ankleloop.recordings.validity import VALIDITY, reason_against
+from ankleloop.recordings.validity import reason_against
 from ankleloop.signals.sampling import match_times
 from ankleloop.trials.trial import segment
 
@@ -83,7 +83,7 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, A
     trial : xarray.Dataset or PreparedTrial, or list of those
         The recording. Several short trials are merged into one identification; their halves are halves of the list.
     methods : dict of str to dict
-        For each label the `method`, its `options`, and options to `select` by a `criterion`.
+        For each label the `method` (a name, or a `Method`), its `options`, and options to `select` by a `criterion`.
 
     Returns
     -------
@@ -105,10 +105,13 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, A
     """
     parts: Any = trial if isinstance(trial, (list, tuple)) else [trial]
     trials = [prepare(part) for part in parts]
-    methods = {label: {**DEFAULTS, **specification} for label, specification in methods.items()}
+    methods = {
+        label: {**DEFAULTS, **specification, "method": find_method(specification["method"])}
+        for label, specification in methods.items()
+    }
     for specification in methods.values():  # wrong options are refused before anything is fitted
         options, select, criterion = (specification[name] for name in DEFAULTS)
-        entry = find_method(specification["method"])
+        entry = specification["method"]
         check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
     check = check_trial(trials, **largest_options(methods))
     if check.verdict == "refused":
@@ -121,7 +124,7 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, A
             "verdict": check.verdict,
             "loop": check.loop,
             "label": label,
-            "method": method,
+            "method": method.name,
             "valid": True,
         }
         rows.append(row)
@@ -131,7 +134,7 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, A
             assumptions = _list_assumptions(trials, specification, estimates[0])
             row |= (
                 scores
-                | _describe_estimate(check, trials[0], estimates[0], test)
+                | _describe_estimate(check, trials[0], estimates[0], test, method.validity)
                 | {"assumptions": assumptions}
             )
             analysis.records[label], analysis.residuals[label] = estimates, test
@@ -237,7 +240,7 @@ def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], lis
     return [prepare(first)], [prepare(second)]
 
 
-def _identify(trials: list[PreparedTrial], method: str, **options: Any) -> list[Estimate]:
+def _identify(trials: list[PreparedTrial], method: Method, **options: Any) -> list[Estimate]:
     """One estimate for each trial; several trials are merged."""
     return (
         identify(trials, method, **options)
@@ -286,14 +289,18 @@ def _test_residual(
 
 
 def _describe_estimate(
-    check: Check, trial: PreparedTrial, estimate: Estimate, test: ResidualTest
+    check: Check,
+    trial: PreparedTrial,
+    estimate: Estimate,
+    test: ResidualTest,
+    validity: Validity,
 ) -> dict[str, Any]:
     """Columns of the table about the estimate of the first trial."""
     warnings, diagnostics = estimate.fit_warnings, estimate.diagnostics
     # Where there is a warning, the covariance belongs to a solution that was not reached, or to another model.
     shown = replace(estimate, intervals={}) if warnings else estimate
     # Warnings about the data concern all methods alike, so they do not decide between them.
-    validity, about_data = VALIDITY[estimate.method], diagnostics.get("data_warnings", ())
+    about_data = diagnostics.get("data_warnings", ())
     cautions = validity.closed_caution if check.instrumental else validity.open_caution, *about_data
     return {
         **{
@@ -315,7 +322,8 @@ def _list_assumptions(
     """What the estimate of the first trial takes for granted, and what another delay or effect would do."""
     diagnostics = estimate.diagnostics
     texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
-    if "delay" not in estimate.intervals:
+    takes_delay = "delay" in specification["method"].options.model_fields
+    if takes_delay and "delay" not in estimate.intervals:
         options = specification["options"] | {"delay": estimate.reflex["delay"] + OTHER_DELAY}
         try:
             other = _identify(trials, specification["method"], **options)[0]

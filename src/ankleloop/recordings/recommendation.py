@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from ankleloop.methods.registry import METHODS
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import Analysis, compare_unseen
-from ankleloop.recordings.validity import VALIDITY
 
 # Of `Analysis.table`; those that no method of a recording has are missing there.
 COLUMNS = (
@@ -143,11 +143,14 @@ def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Ser
 
 
 def _prefer(rows: pd.DataFrame) -> pd.Series:
-    """The method with the fewest parameters, without a caution if there is one; of equal ones the first."""
-    cautious, order = ~rows["caution"].isin(NOTHING), list(VALIDITY)
-    return rows.loc[
-        min(rows.index, key=lambda k: (cautious[k], order.index(rows.loc[k, "method"])))
-    ]
+    """The method with the fewest parameters, without a caution if there is one; of equal ones the first.
+
+    Methods that other packages register come last.
+    """
+    cautious = ~rows["caution"].isin(NOTHING)
+    ranks = {name: rank for rank, name in enumerate(METHODS)}
+    order = rows["method"].map(ranks).fillna(len(ranks))
+    return rows.loc[min(rows.index, key=lambda k: (cautious[k], order[k]))]
 
 
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:

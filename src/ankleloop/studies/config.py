@@ -7,18 +7,28 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, Union
 
-from pydantic import Field, StringConstraints, WithJsonSchema, create_model, model_validator
+from pydantic import (
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    ValidationError,
+    WithJsonSchema,
+    create_model,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
-from ankleloop.methods.registry import METHODS
+from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.methods.selection import check_selection
 from ankleloop.options import Options, option, suggest_name
 from ankleloop.paper.trial_tables import SWEEP_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.checking import check_cases
+from ankleloop.studies.checking import check, check_cases
 from ankleloop.studies.recording_settings import MAX_NAME, RECORDING_NAME, Recording
 
 SCHEMA = Path("workflow/schemas/config.schema.json")
@@ -100,29 +110,61 @@ class MethodSettings(Options):
         return {**self.fixed_options, **selection}
 
 
+def _settings_of(options: type[Options], *names: str) -> type[MethodSettings]:
+    """Settings of the methods of some names, which have these options."""
+    fields = MethodSettings.model_fields
+    method = option(description=fields["method"].description or "")
+    chosen = option(description=fields["options"].description or "", default_factory=options)
+    return create_model(
+        options.__name__.replace("Options", "Settings"),
+        __base__=MethodSettings,
+        __doc__=f"A method with {options.__name__}.",
+        method=(Literal[names], method),  # type: ignore[arg-type]
+        options=(options, chosen),
+    )
+
+
 def _union_of_methods() -> Any:
     """One model of `MethodSettings` for each set of options; the name of the method tells them apart."""
     names: dict[type[Options], list[str]] = {}
     for name, entry in METHODS.items():
         names.setdefault(entry.options, []).append(name)
-    fields = MethodSettings.model_fields
-    models: list[Any] = [
-        create_model(
-            options.__name__.replace("Options", "Settings"),
-            __base__=MethodSettings,
-            __doc__=f"A method with {options.__name__}.",
-            method=(
-                Literal[tuple(members)],
-                option(description=fields["method"].description or ""),
-            ),  # type: ignore[arg-type]
-            options=(
-                options,
-                option(description=fields["options"].description or "", default_factory=options),
-            ),
-        )
-        for options, members in names.items()
-    ]
-    return Annotated[Union[tuple(models)], Field(discriminator="method")]  # noqa: UP007 # of a list
+    models = tuple(_settings_of(options, *members) for options, members in names.items())
+    return Annotated[Union[models], Field(discriminator="method"), _OrRegistered()]  # noqa: UP007 # of a list
+
+
+class _OrRegistered:
+    """Lets the methods of a study be registered by other packages; each is then checked by its own options."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_wrap_validator_function(_check_method, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        registered = {
+            "description": "A method that another package registers: it is looked up when the configuration is read.",
+            "type": "object",
+            "properties": {"method": {"type": "string", "not": {"enum": list(METHODS)}}},
+            "required": ["method"],
+        }
+        return {"anyOf": [handler(schema), registered]}
+
+
+def _check_method(value: Any, check_built_in: Callable[[Any], Any]) -> Any:
+    """Settings of a method, of the library or registered by another package."""
+    name = value.get("method") if isinstance(value, Mapping) else None
+    if not isinstance(name, str) or name in METHODS:
+        return check_built_in(value)
+    try:
+        entry = find_method(name)
+    except ValueError as error:
+        fault = PydanticCustomError("value_error", "{error}", {"error": str(error)})
+        details = InitErrorDetails(type=fault, loc=("method",), input=name)
+        raise ValidationError.from_exception_data("method", [details]) from None
+    return check(_settings_of(entry.options, name), value)
 
 
 if TYPE_CHECKING:

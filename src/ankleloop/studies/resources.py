@@ -1,8 +1,9 @@
 """What a job needs: the library code behind its script, and time and memory by what its chunk holds.
 
 Snakemake runs a job again when its script changes, not when a module that the script imports does. So each job carries
-a fingerprint as a parameter: it covers the modules of the library that the script reaches, and no others. Costs are
-those that `benchmarks/resources.py` has measured.
+a fingerprint as a parameter: it covers the modules of the library that the script reaches, and no others, and the
+versions of packages that register methods, if it reaches the registry. Costs are those that `benchmarks/resources.py`
+has measured.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ankleloop.methods.entry_points import list_packages
+
 LIBRARY = Path(__file__).parents[2]
+REGISTRY = LIBRARY / "ankleloop" / "methods" / "registry.py"
 # Regular expressions, because the syntax trees of a hundred modules would take longer than Snakemake's own start. They
 # also find what looks like an import in a text: then a job runs once more than it has to, and none is missed.
 IMPORT = re.compile(
@@ -46,11 +50,15 @@ def fingerprint(*scripts: str | os.PathLike[str]) -> str:
     """Hash of all library files that scripts or notebooks reach, directly or through other modules.
 
     A module is reached by an import, at the top or within a function. With it go the data folders beside it, those
-    without modules.
+    without modules. Packages that register methods count by their versions, for scripts that reach the registry.
     """
     digest = hashlib.sha256()
-    for path in sorted(reached_files(*scripts)):
+    files = reached_files(*scripts)
+    for path in sorted(files):
         digest.update(f"{path.relative_to(LIBRARY)} {hash_file(path)}\n".encode())
+    if REGISTRY in files:
+        for package in list_packages():
+            digest.update(f"{package}\n".encode())
     return digest.hexdigest()[:16]
 
 

@@ -17,10 +17,10 @@ import yaml
 
 from ankleloop import identify, load_estimate, new_trial, plan_duration, save_trial, simulate
 from ankleloop.command_line.analysis import make_study
-from ankleloop.command_line.identify import METHODS
 from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.reading import map_file
 from ankleloop.command_line.terminal import show_progress
+from ankleloop.methods.registry import METHODS
 from ankleloop.recordings.validity import usual_methods
 from ankleloop.studies.checking import check_config_file
 from ankleloop.studies.run_config import read_run
@@ -235,6 +235,18 @@ def test_identify_several_files(run, trial, tmp_path):
             ["--option", "riv.order=many"],
             "riv → options → order: must be one of 2 or 3; got 'many'.",
         ),
+        (
+            ["--method", "rvi"],
+            "Invalid value for '--method': unknown method 'rvi' (did you mean 'riv'?); known: riv, ",
+        ),
+        (
+            ["--method", "real-time"],
+            "'real-time' is not offered here; methods are riv, pr-moesp, pi-moesp, parallel-cascade, riv-tv.",
+        ),
+        (
+            ["--option", "riv.basis=spline", "--option", "riv.degree=3"],
+            "riv → options: degree: a cubic spline basis needs a degree of at least 4, got 3.",
+        ),
         (["--delay", "soon"], "riv → options → delay: must be a finite number"),
     ],
 )
@@ -242,6 +254,26 @@ def test_options_of_methods_that_are_wrong(run, recording, arguments, words):
     result = run("identify", recording, *arguments)
     assert result.status == 2
     assert words in " ".join(result.err.split())
+
+
+def test_the_help_names_the_methods(run):
+    result = run("identify", "--help")
+    assert "--method [riv|pr-moesp|pi-moesp|parallel-cascade|riv-tv]" in result.out
+
+
+def test_riv_is_that_of_the_library_and_may_have_splines(recording):
+    """One file has one result of riv, by the command and by the library."""
+    reading = map_file(recording)
+    study = make_study("S1", recording, reading, ("riv",))
+    method = study.analysed_methods["riv"]
+    assert method["options"] == METHODS["riv"].options().model_dump()
+    assert method["select"] == {}
+    splines = make_study("S1", recording, reading, ("riv",), {"riv.basis": "spline"})
+    assert splines.analysed_methods["riv"]["options"] == {**method["options"], "basis": "spline"}
+    everywhere = make_study("S1", recording, reading, (), {"basis": "spline"}).analysed_methods
+    bases = {name: method["options"]["basis"] for name, method in everywhere.items()}
+    assert bases.pop("parallel-cascade") is None  # it has the rectifier alone
+    assert set(bases.values()) == {"spline"}
 
 
 def test_the_delay_is_given_or_estimated(recording):
@@ -337,7 +369,8 @@ def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
     study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["new"]
     assert study.points["a"]["paths"] == [str(tmp_path / "$x" / "a.h5")]
     assert study.points["a-mat"]["paths"] == [str(tmp_path / "a.mat")]
-    assert set(study.methods) == {*METHODS[:-1], *(f"{key}-no-reference" for key in METHODS[:3])}
+    names = ["riv", "pr-moesp", "pi-moesp", "parallel-cascade"]
+    assert set(study.methods) == {*names, *(f"{key}-no-reference" for key in names[:3])}
 
 
 @pytest.mark.parametrize(

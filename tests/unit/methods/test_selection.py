@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ankleloop import METHODS, DataError, evaluate, identify, segment, simulate
+from ankleloop.methods import registry
 from ankleloop.methods.selection import select_options
 
 
@@ -112,9 +113,20 @@ def test_candidates_that_fail_are_reported(trial):
             ValueError,
             "and not of identification_rate",
         ),
+        (
+            {"select": {"basis": ["rectifier", "spline"], "degree": [5, 3]}},
+            ValueError,
+            "^select: method 'pr-moesp': degree: a cubic spline basis needs a degree of at least 4",
+        ),
+        (
+            {"select": {"order": [2, 6]}, "block_rows": 5},
+            ValueError,
+            r"^select: method 'pr-moesp': block_rows must be larger than the order \(6\), got 5",
+        ),
     ],
 )
-def test_invalid_selections_are_refused(trial, options, error, message):
+def test_invalid_selections_are_refused_before_any_fit(trial, options, error, message, monkeypatch):
+    monkeypatch.setattr(registry, "select_options", None)
     with pytest.raises(error, match=message):
         identify(trial, "pr-moesp", **options)
 

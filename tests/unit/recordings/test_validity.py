@@ -3,7 +3,7 @@
 import pytest
 
 from ankleloop import METHODS
-from ankleloop.recordings.validity import VALIDITY, describe_validity, reason_against, valid_methods
+from ankleloop.recordings.validity import describe_validity, reason_against, valid_methods
 
 CORRELATED, UNCORRELATED = 30.0, 2.0
 STATES = [("closed", True), ("open", True), ("undecided", True), ("undecided", False)]
@@ -53,7 +53,7 @@ def test_least_squares_and_the_position_are_refused_unless_the_loop_is_open(loop
 
 
 def test_cautions_stand_where_a_method_is_valid_with_a_bias():
-    assert VALIDITY["riv"].closed_caution == VALIDITY["pr-moesp"].open_caution == ""
-    assert "poles" in VALIDITY["pr-moesp"].closed_caution
-    assert "white noise" in VALIDITY["eiv-moesp"].open_caution
-    assert "white noise" in VALIDITY["moesp"].open_caution
+    assert METHODS["riv"].validity.closed_caution == METHODS["pr-moesp"].validity.open_caution == ""
+    assert "poles" in METHODS["pr-moesp"].validity.closed_caution
+    assert "white noise" in METHODS["eiv-moesp"].validity.open_caution
+    assert "white noise" in METHODS["moesp"].validity.open_caution

@@ -62,7 +62,16 @@ TABLE1 = ("studies", "table1")
             [-2.0],
             "points → reflex_gain=-2.0 → reflex_gain: must be between 0 and 100000 N·m·s/rad, got -2",
         ),
-        (METHOD, {"method": "pr-moes"}, "a → method: must be one of 'pr-moesp', .*; got 'pr-moes'"),
+        (
+            METHOD,
+            {"method": "pr-moes"},
+            r"a → method: unknown method 'pr-moes' \(did you mean 'pr-moesp'\?\); known: riv, pr-moesp, ",
+        ),
+        (
+            METHOD,
+            {"method": "riv", "options": {"basis": "spline", "degree": 3}},
+            "a → options: degree: a cubic spline basis needs a degree of at least 4, got 3",
+        ),
         (
             METHOD,
             {"method": "parallel-cascade", "options": {"order": 2}},

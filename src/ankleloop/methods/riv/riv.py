@@ -14,7 +14,16 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.method import INPUTS, NOMINAL_DELAY, BasisOptions, Method, RefinedOptions
+from ankleloop.methods.method import (
+    INPUTS,
+    NOMINAL_DELAY,
+    POSITION,
+    BasisOptions,
+    Method,
+    Offer,
+    RefinedOptions,
+    Validity,
+)
 from ankleloop.methods.riv.alternatives import STRETCH_DELAY, add_alternatives, find_alternatives
 from ankleloop.methods.riv.equations import (
     INCOMPLETE,
@@ -267,4 +276,16 @@ def estimate_intervals(
     return errors, intervals
 
 
-METHODS = (Method("riv", RivOptions, identify_riv),)
+METHODS = (
+    Method(
+        "riv",
+        RivOptions,
+        identify_riv,
+        validity=Validity(closed={}, without_reference=POSITION),
+        offer=Offer(
+            "Refined instrumental variables",
+            options_without_reference={"weighting": "flat"},
+            candidates_without_reference={"order": [2, 3]},
+        ),
+    ),
+)

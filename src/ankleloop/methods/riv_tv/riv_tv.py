@@ -12,7 +12,7 @@ from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import trajectory_dataset
-from ankleloop.methods.method import Method
+from ankleloop.methods.method import POSITION, Method, Offer, Validity
 from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
 from ankleloop.methods.riv.riv import estimate_intervals
 from ankleloop.methods.riv_tv.equations import RivTvOptions, TimeVaryingEquations
@@ -170,4 +170,16 @@ def _warnings(
     return warnings
 
 
-METHODS = (Method("riv-tv", RivTvOptions, identify_riv_tv),)
+METHODS = (
+    Method(
+        "riv-tv",
+        RivTvOptions,
+        identify_riv_tv,
+        validity=Validity(closed={}, without_reference=POSITION),
+        offer=Offer(
+            "Joint that changes (riv-tv)",
+            options_without_reference={"weighting": "flat"},
+            changing=True,
+        ),
+    ),
+)
