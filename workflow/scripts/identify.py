@@ -5,9 +5,8 @@ import sys
 from ankleloop.errors import locate_errors
 from ankleloop.paper.results import describe_failures
 from ankleloop.studies.identification import identify_trials, read_trials
+from ankleloop.studies.job import running
 from ankleloop.studies.simulation import simulate_trials
-
-from job import running
 
 with running(snakemake):
     study, arguments = snakemake.wildcards.study, snakemake.params.arguments

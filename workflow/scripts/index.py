@@ -7,6 +7,7 @@ import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
 from ankleloop.paper.ledger import read_conclusions
+from ankleloop.studies.job import running
 from ankleloop.studies.results import (
     collect_results,
     read_provenance,
@@ -15,8 +16,6 @@ from ankleloop.studies.results import (
     write_crate,
 )
 from ankleloop.trials.files import atomic_file
-
-from job import running
 
 
 def write_text(path: str, text: str) -> None:

@@ -7,9 +7,8 @@ import pandas as pd
 import pyarrow as pa
 
 from ankleloop.paper.trial_tables import save_table
+from ankleloop.studies.job import log, running
 from ankleloop.studies.recordings import analyse_recordings
-
-from job import log, running
 
 with running(snakemake):
     folder = Path(snakemake.output.folder)

@@ -14,9 +14,8 @@ from nbconvert import HTMLExporter
 from ankleloop.pages.rendering import find_captions, render_page
 from ankleloop.paper.results import KEYS, describe_failures
 from ankleloop.paper.trial_tables import read_trial_table
+from ankleloop.studies.job import log, running
 from ankleloop.trials.files import atomic_file
-
-from job import log, running
 
 
 def check_parameters(notebook: str, parameters: Mapping) -> None:

@@ -2,10 +2,9 @@
 
 import sys
 
+from ankleloop.studies.job import running
 from ankleloop.studies.simulation import simulate_trials
 from ankleloop.trials.trial_files import save_trials
-
-from job import running
 
 with running(snakemake):
     study, arguments, failed = snakemake.wildcards.study, snakemake.params.arguments, {}
