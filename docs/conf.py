@@ -3,6 +3,8 @@
 import sys
 from pathlib import Path
 
+from jupyter_client.manager import KernelManager
+
 import ankleloop
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
@@ -49,6 +51,8 @@ nb_execution_raise_on_error = True
 nb_execution_in_temp = True
 nb_execution_timeout = 120
 nb_merge_streams = True
+# Without encryption the kernel of each page warns, and MyST-NB has no setting for it.
+KernelManager.transport_encryption.default_value = "auto"
 
 autosummary_generate = True
 autodoc_typehints = "none"  # types stand in the docstrings

@@ -1,7 +1,10 @@
 """The workflow as Snakemake's manual describes: options of the command line, other folders, use as a module."""
 
+import json
+import os
 import re
 import shutil
+import subprocess
 
 import pandas as pd
 import pytest
@@ -123,6 +126,69 @@ def test_other_folders_have_results_of_their_own(clean, snakemake, tiny, tmp_pat
     text = snakemake(clean, *entry, folder=elsewhere, check=False)
     assert "results/scores/tiny/0.parquet was made with other settings" in text
     assert not (clean / "results").exists()
+
+
+ELSEWHERE = """
+configfile: "tiny.yaml"
+
+module ankleloop:
+    snakefile: github("lab/ankleloop", path="workflow/Snakefile", tag="v1")
+    config: config
+
+use rule * from ankleloop
+
+rule everything:
+    default_target: True
+    input: rules.all.input
+"""
+
+
+@pytest.fixture
+def elsewhere(clean, snakemake, tmp_path):
+    """Run a workflow whose module is a tag of a repository on GitHub, which is a folder here."""
+    settings = tmp_path / "gitconfig"
+    settings.write_text(
+        f'[url "file://{tmp_path}/hosted/"]\ninsteadOf = https://github.com/\n'
+        "[user]\nname = A\nemail = a@b.c\n",
+        encoding="utf-8",
+    )
+    variables = {"GIT_CONFIG_GLOBAL": str(settings), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    hosted = tmp_path / "hosted" / "lab" / "ankleloop"
+    shutil.copytree(clean, hosted)
+    commands = (["init"], ["add", "."], ["commit", "--message", "All"], ["tag", "v1"])
+    for command in commands:
+        subprocess.run(["git", *command], cwd=hosted, env=os.environ | variables, check=True)
+    folder = tmp_path / "work"
+    folder.mkdir()
+    (folder / "Snakefile").write_text(ELSEWHERE, encoding="utf-8")
+
+    def run(config, *arguments, **options):
+        (folder / "tiny.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
+        return snakemake(clean, *arguments, folder=folder, **variables, **options)
+
+    return run, folder
+
+
+def test_a_module_of_a_repository_elsewhere(elsewhere):
+    """It runs to the last page, has nothing left to do after that, and its sources are those of the tag."""
+    run, folder = elsewhere
+    run(TINY)
+    assert (folder / "results/index.html").exists()
+    provenance = json.loads((folder / "results/provenance.json").read_text(encoding="utf-8"))
+    (sources,) = (folder / ".snakemake/sources").iterdir()
+    assert provenance["commit"] == sources.name
+    assert "Nothing to be done" in run(TINY, "--dry-run")
+    text = run(TINY | {"runs": ["tiny"]}, "--dry-run", check=False)
+    assert "Configuration: tiny.yaml, line 3: config: unknown key 'runs'" in text
+
+
+def test_a_module_without_the_library_says_how_to_install_it(elsewhere, tmp_path):
+    (tmp_path / "ankleloop.py").write_text(
+        "raise ModuleNotFoundError(\"No module named 'ankleloop'\")", encoding="utf-8"
+    )
+    text = elsewhere[0](TINY, "--dry-run", check=False, PYTHONPATH=str(tmp_path))
+    assert "No module named 'ankleloop'. Install the library: python -m pip install '" in text
+    assert "Traceback" not in text
 
 
 def test_braces_in_the_path_of_the_project(clean, snakemake, tmp_path):

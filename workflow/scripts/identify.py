@@ -5,20 +5,20 @@ import sys
 from ankleloop.errors import locate_errors
 from ankleloop.paper.results import describe_failures
 from ankleloop.studies.identification import identify_trials, read_trials
+from ankleloop.studies.job import running
 from ankleloop.studies.simulation import simulate_trials
 
-from job import running
-
 with running(snakemake):
-    study, arguments = snakemake.wildcards.study, snakemake.params.arguments
-    if snakemake.params.simulation:
-        trials = simulate_trials(
-            study, precision=arguments["precision"], **snakemake.params.simulation
-        )
+    study = snakemake.wildcards.study
+    arguments = snakemake.params.arguments
+    simulation = snakemake.params.simulation
+    if simulation:
+        trials = simulate_trials(study, precision=arguments["precision"], **simulation)
     else:
         trials = read_trials(snakemake.input.trials, arguments["conditions"])
     with locate_errors(", ".join(snakemake.input)):
         table = identify_trials(trials, dict(snakemake.output.items()), study, **arguments)
-    message = describe_failures(table.select(["point", "method", "trial", "failure"]).to_pandas())
+    outcomes = table.select(["point", "method", "trial", "failure"])
+    message = describe_failures(outcomes.to_pandas())
     if message:
         print(f"{study}, chunk {snakemake.wildcards.chunk}: {message}", file=sys.stderr)

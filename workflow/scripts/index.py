@@ -7,6 +7,7 @@ import pandas as pd
 
 from ankleloop.pages.index import render_index, render_ledger, render_tables
 from ankleloop.paper.ledger import read_conclusions
+from ankleloop.studies.job import running
 from ankleloop.studies.results import (
     collect_results,
     read_provenance,
@@ -16,8 +17,6 @@ from ankleloop.studies.results import (
 )
 from ankleloop.trials.files import atomic_file
 
-from job import running
-
 
 def write_text(path: str, text: str) -> None:
     """Write a page, or the text of another file."""
@@ -25,23 +24,25 @@ def write_text(path: str, text: str) -> None:
         partial.write_text(text, encoding="utf-8")
 
 
+def write_json(path: str, content: dict) -> None:
+    """Write a file of metadata."""
+    write_text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+
+
 with running(snakemake):
-    output, studies = snakemake.output, snakemake.params.studies
-    folder, logs = Path(output.index).parent, Path(snakemake.log[0]).parent
+    output = snakemake.output
+    studies = snakemake.params.studies
+    folder = Path(output.index).parent
     provenance = read_provenance(snakemake.params.repository)
-    for path, content in (
-        (output.configuration, snakemake.params.configuration),
-        (output.provenance, provenance),
-    ):
-        write_text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+    write_json(output.configuration, snakemake.params.configuration)
+    write_json(output.provenance, provenance)
     seeds = {name: study["seed"] for name, study in studies.items() if study["seed"] is not None}
     write_crate(folder, snakemake.input.results, Path(output.configuration), provenance, seeds)
     write_text(output.tables, render_tables(read_tables(map(Path, snakemake.input.summaries))))
     ledger = pd.read_csv(snakemake.input.ledger[0]) if output.ledger else None
     for path in output.ledger:
         write_text(path, render_ledger(ledger))
-    times = read_run_times(logs, snakemake.params.jobs)
+    times = read_run_times(Path(snakemake.log[0]).parent, snakemake.params.jobs)
     results = collect_results(folder, studies, times, provenance, ledger)
-    write_text(
-        output.index, render_index(results, ledger, read_conclusions(snakemake.input.conclusions))
-    )
+    conclusions = read_conclusions(snakemake.input.conclusions)
+    write_text(output.index, render_index(results, ledger, conclusions))

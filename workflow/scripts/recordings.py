@@ -7,25 +7,24 @@ import pandas as pd
 import pyarrow as pa
 
 from ankleloop.paper.trial_tables import save_table
+from ankleloop.studies.job import log, running
 from ankleloop.studies.recordings import analyse_recordings
-
-from job import log, running
 
 with running(snakemake):
     folder = Path(snakemake.output.folder)
     folder.mkdir(parents=True, exist_ok=True)
     window = {name: snakemake.params.figure[name] for name in ("start", "length")}
-    points, tables = snakemake.params.points, []
+    points = snakemake.params.points
+    tables = []
     # Rule `publish` copies the pages to results/reports/{study}.
     results = analyse_recordings(
         points, snakemake.params.methods, folder, window, index="../../index.html"
     )
-    for name, table in results:
-        tables.append(table)
+    for name, outcome in results:
+        tables.append(outcome)
         log.info("analysed %d of %d", len(tables), len(points))
-        if table["verdict"].iloc[0] == "refused":
-            print(f"{name} refused: {table['reasons'].iloc[0]}", file=sys.stderr)
-    rows = pa.Table.from_pandas(
-        pd.concat(tables, ignore_index=True).replace("", None), preserve_index=False
-    )
+        if outcome["verdict"].iloc[0] == "refused":
+            print(f"{name} refused: {outcome['reasons'].iloc[0]}", file=sys.stderr)
+    table = pd.concat(tables, ignore_index=True).replace("", None)
+    rows = pa.Table.from_pandas(table, preserve_index=False)
     save_table(rows, snakemake.output.table, snakemake.params.settings)

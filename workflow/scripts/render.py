@@ -14,9 +14,8 @@ from nbconvert import HTMLExporter
 from ankleloop.pages.rendering import find_captions, render_page
 from ankleloop.paper.results import KEYS, describe_failures
 from ankleloop.paper.trial_tables import read_trial_table
+from ankleloop.studies.job import log, running
 from ankleloop.trials.files import atomic_file
-
-from job import log, running
 
 
 def check_parameters(notebook: str, parameters: Mapping) -> None:
@@ -71,29 +70,31 @@ def write_captions(captions: Mapping[bytes, str], folder: Path) -> None:
 
 
 with running(snakemake):
-    notebook, parameters = snakemake.input.notebook, dict(snakemake.params.parameters)
-    study = parameters.get(
-        "study"
-    )  # the article shows several, each of which has a page of its own
+    notebook = snakemake.input.notebook
+    parameters = dict(snakemake.params.parameters)
     check_parameters(notebook, parameters)
-    diagrams = [
-        snakemake.input.get("diagrams", ()),
-        snakemake.output.get("diagrams", ()),
-    ]  # of the article
-    for source, path in zip(*diagrams, strict=True):
-        shutil.copyfile(source, path)
-    if snakemake.output.get("figures"):  # a folder, which the notebook fills
-        Path(snakemake.output.figures).mkdir(parents=True, exist_ok=True)
+    # Diagrams of the article.
+    sources = snakemake.input.get("diagrams", ())
+    copies = snakemake.output.get("diagrams", ())
+    for source, copy in zip(sources, copies, strict=True):
+        shutil.copyfile(source, copy)
+    # A folder, which the notebook of a study fills.
+    figures = snakemake.output.get("figures")
+    if figures:
+        Path(figures).mkdir(parents=True, exist_ok=True)
     executed = execute(notebook, parameters)
     captions = find_captions(executed)
-    if snakemake.output.get("figures"):
-        write_captions(captions, Path(snakemake.output.figures))
+    if figures:
+        write_captions(captions, Path(figures))
     body = export_outputs(executed)
     log.info("executed %s", notebook)
+    # The article shows several studies, each of which has a page of its own in a folder.
+    study = parameters.get("study")
+    if study:
+        note = describe_failures_of(study)
+        page = render_page(study["title"], body, note=note, index="../index.html")
+    else:
+        page = render_page(parameters["title"], body, note="", index="index.html")
     report = next(path for path in snakemake.output if path.endswith(".html"))
     with atomic_file(report, overwrite=True) as path:
-        note, title = (
-            (describe_failures_of(study), study["title"]) if study else ("", parameters["title"])
-        )
-        page = render_page(title, body, note=note, index="../index.html" if study else "index.html")
         path.write_text(page, encoding="utf-8")

@@ -2,13 +2,14 @@
 
 import sys
 
+from ankleloop.studies.job import running
 from ankleloop.studies.simulation import simulate_trials
 from ankleloop.trials.trial_files import save_trials
 
-from job import running
-
 with running(snakemake):
-    study, arguments, failed = snakemake.wildcards.study, snakemake.params.arguments, {}
+    study = snakemake.wildcards.study
+    arguments = snakemake.params.arguments
+    failed = {}
 
     def simulate():
         """Trials as they are made; those that cannot be simulated are kept for the message."""
@@ -17,10 +18,9 @@ with running(snakemake):
                 failed.setdefault(point, []).append(f"from trial {number} on: {trial}")
             yield trial
 
-    conditions = arguments["conditions"].items()
-    index = [
-        (name, number) for name, part in conditions for number in range(part["first"], part["stop"])
-    ]
+    index = []
+    for name, part in arguments["conditions"].items():
+        index += [(name, number) for number in range(part["first"], part["stop"])]
     save_trials(
         simulate(), snakemake.output.trials, index, snakemake.params.precision, overwrite=True
     )

@@ -1,8 +1,7 @@
 """Put the scores and parameters of all trials of a study into one table."""
 
 from ankleloop.paper.trial_tables import join_tables
-
-from job import running
+from ankleloop.studies.job import running
 
 with running(snakemake):
     params, output = snakemake.params, snakemake.output

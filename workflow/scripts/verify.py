@@ -18,10 +18,9 @@ from ankleloop.paper.checks import StudyResults
 from ankleloop.paper.economy import measure_economy
 from ankleloop.paper.ledger import verify
 from ankleloop.paper.trial_tables import read_trial_table
+from ankleloop.studies.job import running
 from ankleloop.trials.files import write_csv
 from ankleloop.trials.trial_files import load_trials
-
-from job import running
 
 with running(snakemake):
     trials = chain.from_iterable(load_trials(path) for path in snakemake.input.trials)

@@ -48,7 +48,7 @@ Exit status:
 def commands() -> None:
     """Separate the torque of a joint into its intrinsic and reflex parts.
 
-    Recordings are CSV, MATLAB (v5, v7.3), HDF5 or NetCDF files with the position and the torque of a joint, and the
+    Recordings are CSV, MATLAB, HDF5, NetCDF or FLB files with the position and the torque of a joint, and the
     command of the servo where it was recorded. `ankleloop COMMAND --help` describes one.
     """
 

@@ -1,16 +1,13 @@
 """A job that fails says in one line where and why; the log has the trace."""
 
 import logging
-import runpy
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from ankleloop import DataError
 from ankleloop.errors import describe_error, locate_errors
-
-JOB = Path(__file__).parents[3] / "workflow" / "scripts" / "job.py"
+from ankleloop.studies.job import running
 
 
 class NotebookError(Exception):
@@ -30,7 +27,7 @@ def fail(tmp_path, capsys):
             place = locate_errors("study s, point p, trial 3")
             with (
                 pytest.raises(SystemExit) as caught,
-                runpy.run_path(str(JOB))["running"](job),
+                running(job),
                 place,
             ):
                 raise error
