@@ -11,6 +11,7 @@ import xarray as xr
 
 from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
+from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate, add_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.options import Options, option
@@ -42,7 +43,7 @@ class KnownDelayOptions(MethodOptions):
 class BasisOptions(MethodOptions):
     """Options of methods that have several static nonlinearities."""
 
-    basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
+    basis: Literal[tuple(BASES)] | None = option(  # type: ignore[valid-type]
         None,
         "basis of the static nonlinearity; null for the method's own: the rectifier in riv, else chebyshev",
     )

@@ -12,13 +12,15 @@ from typing import Any, Literal, get_args
 import numpy as np
 import xarray as xr
 
+from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, fit_basis, separate_path
+from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, separate_path
 from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors
 from ankleloop.methods.method import INPUTS, BasisOptions, KnownDelayOptions, Method
 from ankleloop.options import option
+from ankleloop.quantities import STIFFNESS
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
@@ -45,7 +47,6 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
     "scaling": {"scaling": False},
     "mean-removal": {"offsets": False},
 }
-POLYNOMIAL = "the reflex is a polynomial of the velocity: of a rectified one, five terms make G 13 to 21 % too large."
 
 
 class MoespModelOptions(KnownDelayOptions, BasisOptions):
@@ -140,7 +141,7 @@ def identify_moesp(
     }
     if len(trials) > 1:
         velocity = np.concatenate([trial.velocity(options.delay) for trial in trials])
-        inputs["basis"] = fit_basis(velocity, inputs["basis"], options.degree)
+        inputs["basis"] = BASES[inputs["basis"]].fit(velocity, options.degree)
     if step in get_args(InputStep):
         inputs["omitted_step"] = step
     regressors = [trial.regressors(**inputs) for trial in trials]
@@ -215,12 +216,12 @@ def describe_model(
         **model.diagnostics,
         **path.diagnostics,
     }
-    if inputs.basis.kind == "chebyshev":
-        diagnostics["assumptions"] = [POLYNOMIAL]
+    if inputs.basis.caution:
+        diagnostics["assumptions"] = [inputs.basis.caution]
     return Estimate(
         method=member,
         torque=torque,
-        stiffness=dict(zip("KBI", matrices.D[0, :MOTION].tolist(), strict=True)),
+        stiffness=dict(zip(STIFFNESS, matrices.D[0, :MOTION].tolist(), strict=True)),
         reflex={"delay": inputs.delay, **path.valid_parameters},
         diagnostics=diagnostics,
         predictor=StateSpaceModel(inputs, matrices, state),
