@@ -5,6 +5,7 @@ import pytest
 
 from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES
+from ankleloop.methods.method import BasisOptions
 
 VELOCITY = np.random.default_rng(0).standard_normal(4000)
 
@@ -61,3 +62,24 @@ def test_velocities_without_variation_are_refused():
         BASES["spline"].fit(np.sign(VELOCITY), 6)
     with pytest.raises(ValueError, match="degree of at least 4"):
         BASES["spline"].fit(VELOCITY, 3)
+
+
+@pytest.mark.parametrize("kind", BASES)
+def test_what_every_basis_says_of_itself(kind):
+    """Names and functions are as many as its degree, its limits are those of the velocity, and options know it."""
+    basis = BASES[kind].fit(VELOCITY, 6)
+    assert basis.kind == kind
+    assert len(basis.names) == basis.degree == BASES[kind].count_terms(6)
+    assert basis(VELOCITY).shape == (basis.degree, VELOCITY.size)
+    low, high = basis.limits
+    assert low <= VELOCITY.min() < VELOCITY.max() <= high
+    assert np.isin([low, high], [*VELOCITY, *-VELOCITY]).all()
+    assert np.mean(basis.quantiles[100] > VELOCITY) == pytest.approx(0.5, abs=0.01)
+    assert BasisOptions(basis=kind).basis == kind
+    least = BASES[kind].least_degree
+    assert BASES[kind].fit(VELOCITY, least)(VELOCITY).shape[0] == least
+
+
+def test_options_name_the_bases_that_there_are():
+    with pytest.raises(ValueError, match="'chebyshev', 'rectifier' or 'spline'"):
+        BasisOptions(basis="sigmoid")
