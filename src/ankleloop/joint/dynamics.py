@@ -63,12 +63,12 @@ GRIDS = {
 GRIDS[3] = [replace(dynamics, pole=pole) for pole in (15.0, 40.0, 120.0) for dynamics in GRIDS[2]]
 
 
-def respond(grid: Sequence[ReflexDynamics], s: np.ndarray) -> np.ndarray:
+def respond(candidates: Sequence[ReflexDynamics], s: np.ndarray) -> np.ndarray:
     """Frequency responses of several dynamics.
 
-    Shapes: s (F,); returns (size, F).
+    Shapes: s (F,); returns (candidates, F).
     """
-    return np.array([dynamics.response(s)[0] for dynamics in grid])
+    return np.array([dynamics.response(s)[0] for dynamics in candidates])
 
 
 def fit_dynamics(

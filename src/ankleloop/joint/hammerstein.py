@@ -14,14 +14,14 @@ from ankleloop.joint.dynamics import ReflexDynamics, fit_dynamics
 from ankleloop.signals.spectra import pass_band
 
 BIN_WIDTH = 0.2  # Hz
-GRID_THRESHOLDS = 60  # candidates of a grid
-GRIDS_OF_THRESHOLDS = 3  # each finer: the criterion has kinks, and may have several minima
+CANDIDATE_THRESHOLDS = 60  # of a ramp, at equal distances
+# Each at smaller distances: the criterion has kinks, and may have several minima.
+THRESHOLD_ROUNDS = 3
 # Share of the curve that a ramp explains: 0.97 where G is right, 0.04 to 0.75 where it is wrong.
 LEAST_RAMP = 0.95
 LEAST_ABOVE_THRESHOLD = 0.1  # share of the velocities
-LEAST_DYNAMICS = (
-    0.9  # share that one linear system explains of the path, and a low-pass of that system
-)
+# Share that one linear system explains of the path, and a low-pass of that system.
+LEAST_DYNAMICS = 0.9
 
 
 class Ramp(NamedTuple):
@@ -116,8 +116,8 @@ def _fit_ramp(velocity: np.ndarray, torque: np.ndarray) -> Ramp:
     deviation = torque - torque.mean()
     low = velocity[0]
     high = velocity[-3]
-    for _ in range(GRIDS_OF_THRESHOLDS):
-        thresholds = np.linspace(low, high, GRID_THRESHOLDS)
+    for _ in range(THRESHOLD_ROUNDS):
+        thresholds = np.linspace(low, high, CANDIDATE_THRESHOLDS)
         ramps = np.maximum(velocity - thresholds[:, None], 0.0)
         ramps -= ramps.mean(axis=1, keepdims=True)
         products = ramps @ deviation
@@ -126,7 +126,7 @@ def _fit_ramp(velocity: np.ndarray, torque: np.ndarray) -> Ramp:
         explained = gains * products
         best = int(np.argmax(explained))
         low = thresholds[max(best - 1, 0)]
-        high = thresholds[min(best + 1, GRID_THRESHOLDS - 1)]
+        high = thresholds[min(best + 1, CANDIDATE_THRESHOLDS - 1)]
     share = explained[best] / (deviation @ deviation)
     return Ramp(float(gains[best]), float(thresholds[best]), float(share))
 

@@ -262,9 +262,8 @@ class TimeVaryingModel(JointModel):
     gain: Annotated[np.ndarray, Stored("gain_spline", name="gain_splines", unit="N·m·s/rad")]
     inertia: Annotated[np.ndarray, Stored("inertia_spline", name="inertia_splines", unit="kg·m²")]
     dynamics: ReflexDynamics  # low-pass of unit gain
-    torque_lag: Annotated[float, Stored(unit="s")] = (
-        0.0  # of the torque channel behind the position
-    )
+    # Lag of the torque channel behind the position.
+    torque_lag: Annotated[float, Stored(unit="s")] = 0.0
     # Position at which the elastic torque is zero; None for the mean position of a trial.
     rest_position: Annotated[float | None, Stored(unit="rad")] = None
     kind: ClassVar[str] = "time-varying"
@@ -316,7 +315,7 @@ class TimeVaryingModel(JointModel):
         elastic = parameters["K"] * (position - rest)
         viscous = parameters["B"] * velocity
         intrinsic = elastic + viscous + parameters["I"] * acceleration
-        rectified = np.maximum(0.0, trial.velocity(self.inputs.delay))
+        (rectified,) = self.inputs.basis(trial.velocity(self.inputs.delay))
         drive = parameters["G"] * decimate(rectified, *grid)
         rate = self.inputs.identification_rate
         size = int(next_fast_len(grid.samples + round(REFLEX_PADDING * rate), real=True))
@@ -358,16 +357,10 @@ def read_model(fields: Fields) -> Model:
     inputs = read_fields(ModelInputs, fields, basis=read_basis(fields))
     if kind != StateSpaceModel.kind:
         return read_fields(MODEL_KINDS[kind], fields, inputs=inputs)
-    order = isqrt(fields.array("A").size)
-    sizes = {
-        "state": order,
-        "next_state": order,
-        "input": MOTION + len(inputs.basis.names),
-        "output": 1,
-    }
-    A, B, C, D = (
-        fields.array(name, *(sizes[axis] for axis in axes)) for name, axes in MATRIX_AXES.items()
-    )
+    n = isqrt(fields.array("A").size)
+    m = MOTION + len(inputs.basis.names)
+    shapes = {"A": (n, n), "B": (n, m), "C": (1, n), "D": (1, m)}
+    A, B, C, D = (fields.array(name, *shape) for name, shape in shapes.items())
     matrices = inputs.label(Matrices(A, B, C, D, 1.0 / inputs.identification_rate))
     return read_fields(StateSpaceModel, fields, inputs=inputs, matrices=matrices)
 

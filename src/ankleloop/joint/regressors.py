@@ -41,21 +41,16 @@ class Grid(NamedTuple):
 def decimation_grid(samples: int, rate: float, identification_rate: float, delay: float) -> Grid:
     """Grid of all decimated samples that no filter edge touches."""
     factor = decimation_factor(rate, identification_rate)
-    first, after = recording_margins(rate, factor, delay)
-    count = (samples - 1 - after - first) // factor + 1
+    margin = decimation_margin(factor)
+    before, after = differentiation_margin(rate, delay)
+    first = factor * ceil((margin + max(before, 0)) / factor)
+    last = samples - 1 - margin - max(after, 0)
+    count = (last - first) // factor + 1
     if count < 2:
         raise DataError(
             f"the record of {samples / rate:.3g} s is too short for its filters. Record longer."
         )
     return Grid(factor, first, count)
-
-
-def recording_margins(rate: float, factor: int, delay: float) -> tuple[int, int]:
-    """Recorded samples that the filters touch: before the first decimated one, in whole factors, and after the last."""
-    margin = decimation_margin(factor)
-    before, after = differentiation_margin(rate, delay)
-    steps = ceil((margin + max(before, 0)) / factor)
-    return steps * factor, margin + max(after, 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
+from ankleloop.kernels import as_samples, kernel
 from ankleloop.options import check_integer
 
 COLUMNS = 2048  # at a time
@@ -121,7 +121,7 @@ def hankel_gram(
             "tc->c", x[:count]
         )  # a fourth of the time of sum over a few channels
         reach = np.full(x.shape[1], window) if lags is None else lags
-        products = products + _sum_lagged_products(np.ascontiguousarray(x), count, reach, window)
+        products = products + _sum_lagged_products(as_samples(x), count, reach, window)
     if not columns:
         return np.zeros((window * tail.shape[1],) * 2)
     shifts = np.cumsum(tail - head, axis=0)
