@@ -39,9 +39,8 @@ from ankleloop.trials.group_files import Fields
 
 VELOCITY_RIPPLE = 0.01  # of the range of a basis: filters carry the velocity as far beyond
 REFLEX_PADDING = 1.0  # s
-LARGEST_SHARE_OUTSIDE = (
-    0.05  # of the samples, outside the limits of a scheduling variable, without a warning
-)
+# Of the samples, outside the limits of a scheduling variable, without a warning.
+LARGEST_SHARE_OUTSIDE = 0.05
 # Dimensions of matrices: a product along the common one, A.dot(x), is a product of matrices.
 MATRIX_AXES = {
     "A": ("next_state", "state"),
