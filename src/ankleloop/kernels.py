@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
 
+import numpy as np
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
@@ -40,6 +41,13 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         return compiled
 
     return compile_function
+
+
+def as_samples(x: np.ndarray) -> np.ndarray:
+    """Contiguous samples that cannot be edited: of one type for compiled functions, whoever may edit `x`."""
+    samples = np.ascontiguousarray(x).view()
+    samples.flags.writeable = False
+    return samples
 
 
 @cache

@@ -1,1 +1,1 @@
-"""The model of the joint: basis, reflex dynamics, Hammerstein path, regressors of a trial, estimate."""
+"""The model of the joint: bases, reflex dynamics, Hammerstein path, regressors of a trial, estimate."""

@@ -11,9 +11,8 @@ import numpy as np
 from ankleloop.joint.model_fields import Stored
 from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
 
-LIMIT = np.log(
-    1e4
-)  # of the logarithm of a parameter, in rad/s or 1: no reflex is as fast, or as damped
+# Of the logarithm of a parameter, in rad/s or 1: no reflex is as fast, or as damped.
+LARGEST_LOGARITHM = np.log(1e4)
 
 
 @dataclass(frozen=True)
@@ -31,18 +30,20 @@ class ReflexDynamics:
 
     def scale(self, step: np.ndarray) -> ReflexDynamics:
         """Dynamics after a step of the logarithms of its parameters."""
-        return ReflexDynamics(*(np.array(list(self.values.values())) * np.exp(step)).tolist())
+        values = np.array(list(self.values.values())) * np.exp(step)
+        return ReflexDynamics(*values.tolist())
 
     def response(self, s: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
         """Frequency response, and its derivatives with respect to the logarithm of each parameter."""
-        square, damped = self.omega_n**2, 2 * self.zeta * self.omega_n * s
+        square = self.omega_n**2
+        damped = 2 * self.zeta * self.omega_n * s
         denominator = s**2 + damped + square
         response = square / denominator
         relative = [2 - (damped + 2 * square) / denominator, -damped / denominator]
         if self.pole is not None:
             response = response * self.pole / (s + self.pole)
             relative.append(s / (s + self.pole))
-        return response, [response * part for part in relative]
+        return response, [response * derivative for derivative in relative]
 
     def matrices(self, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Discrete matrices A, B, C, D for an input that is linear between samples: a first-order hold."""
@@ -62,12 +63,12 @@ GRIDS = {
 GRIDS[3] = [replace(dynamics, pole=pole) for pole in (15.0, 40.0, 120.0) for dynamics in GRIDS[2]]
 
 
-def respond(grid: Sequence[ReflexDynamics], s: np.ndarray) -> np.ndarray:
+def respond(candidates: Sequence[ReflexDynamics], s: np.ndarray) -> np.ndarray:
     """Frequency responses of several dynamics.
 
-    Shapes: s (F,); returns (size, F).
+    Shapes: s (F,); returns (candidates, F).
     """
-    return np.array([dynamics.response(s)[0] for dynamics in grid])
+    return np.array([dynamics.response(s)[0] for dynamics in candidates])
 
 
 def fit_dynamics(
@@ -81,28 +82,49 @@ def fit_dynamics(
 
     Shapes: response (F,), s (F,), weight (F,).
     """
-    from scipy.optimize import (
-        leastsq,
-    )  # here, because its import takes time and riv does not need it
+    # Here, because its import takes time and riv does not need it.
+    from scipy.optimize import leastsq
 
     root = np.sqrt(weight / np.sum(weight * np.abs(response) ** 2))
     target = root * response
+
+    def split(unknowns: np.ndarray) -> tuple[float, ReflexDynamics]:
+        """Gain and dynamics."""
+        logarithms = np.clip(unknowns[1:], -LARGEST_LOGARITHM, LARGEST_LOGARITHM)
+        return float(unknowns[0]), ReflexDynamics(*np.exp(logarithms).tolist())
+
+    def error(unknowns: np.ndarray) -> np.ndarray:
+        gain, dynamics = split(unknowns)
+        return (gain * root * dynamics.response(s)[0] - target).view(float)
+
+    def slopes(unknowns: np.ndarray) -> np.ndarray:
+        gain, dynamics = split(unknowns)
+        shape, derivatives = dynamics.response(s)
+        rows = [shape, *(gain * derivative for derivative in derivatives)]
+        return (root * np.array(rows)).view(float)
+
+    unknowns, _ = leastsq(
+        error,
+        _choose_start(root, target, s, order),
+        Dfun=slopes,
+        col_deriv=True,
+        xtol=1e-12,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    gain, dynamics = split(unknowns)
+    return gain, dynamics, float(1.0 - np.sum(error(unknowns) ** 2))
+
+
+def _choose_start(root: np.ndarray, target: np.ndarray, s: np.ndarray, order: int) -> np.ndarray:
+    """Gain and logarithms of the dynamics of the grid that explain most of a weighted response.
+
+    Shapes: root (F,), target (F,), s (F,).
+    """
     starts = GRIDS[order]
     shapes = root * respond(starts, s)
     products = np.real(shapes.conj() @ target)
     energies = np.sum(np.abs(shapes) ** 2, axis=1)
     best = int(np.argmax(products**2 / energies))
-
-    def dynamics(x: np.ndarray) -> ReflexDynamics:
-        return ReflexDynamics(*np.exp(np.clip(x[1:], -LIMIT, LIMIT)).tolist())
-
-    def error(x: np.ndarray) -> np.ndarray:
-        return (x[0] * root * dynamics(x).response(s)[0] - target).view(float)
-
-    def slopes(x: np.ndarray) -> np.ndarray:
-        shape, derivatives = dynamics(x).response(s)
-        return (root * np.array([shape, *(x[0] * part for part in derivatives)])).view(float)
-
-    start = [products[best] / energies[best], *np.log(list(starts[best].values.values()))]
-    x, *_ = leastsq(error, start, Dfun=slopes, col_deriv=True, xtol=1e-12, ftol=1e-14, gtol=1e-14)
-    return float(x[0]), dynamics(x), float(1.0 - np.sum(error(x) ** 2))
+    parameters = list(starts[best].values.values())
+    return np.array([products[best] / energies[best], *np.log(parameters)])

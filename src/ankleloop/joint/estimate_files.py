@@ -26,23 +26,31 @@ from ankleloop.trials.files import PathLike, atomic_file, check_readable
 from ankleloop.trials.group_files import Fields, read_groups, write_groups
 from ankleloop.trials.reading_process import name_errors
 
-FORMAT, VERSION = "ankleloop estimate", 1
-VARIABLE = "estimate"  # of a MATLAB file
-JSON = "json"  # the diagnostics
+FORMAT = "ankleloop estimate"
+VERSION = 1
+MATLAB_VARIABLE = "estimate"
+PARAMETER_GROUPS = ("stiffness", "reflex", "intervals")
+DIAGNOSTICS_TEXT = "json"  # field that holds the diagnostics
 
-MEMORY = 2**21  # bytes of a table that are in memory before they go to a temporary file
-ROWS = 25  # estimates of a row group
-TABLE: Any = {
+TABLE_MEMORY = 2**21  # bytes of a table that are in memory before they go to a temporary file
+ROW_GROUP = 25  # estimates
+PARQUET_OPTIONS: Any = {
     "compression": "zstd",
-    "use_dictionary": False,
+    "use_dictionary": False,  # no number occurs twice
     "write_page_checksum": True,
-}  # no number occurs twice
-# Groups that a table holds as JSON, by their columns.
-COLUMNS = {"reflex": "reflex_parameters"} | {
-    name: name for name in ("stiffness", "intervals", "model", "trajectories")
+}
+# Columns of a table that hold a group as JSON; `reflex` is the torque.
+GROUP_COLUMNS = {
+    "reflex": "reflex_parameters",
+    "stiffness": "stiffness",
+    "intervals": "intervals",
+    "model": "model",
+    "trajectories": "trajectories",
 }
 
-ARRAY, COMPLEX = "$array", "$complex"  # keys that mark them
+# Keys of a JSON object that stands for one of these.
+ARRAY_KEY = "$array"
+COMPLEX_KEY = "$complex"
 
 
 def save_estimate(
@@ -84,36 +92,33 @@ def save_estimate(
     check_flag("save_estimate", "overwrite", overwrite)
     if not isinstance(estimate, Estimate):
         raise TypeError(f"save_estimate: estimate must be an Estimate, got {show_value(estimate)}.")
-    warnings = " ".join(estimate.diagnostics.get("warnings", ()))
     attributes = {
         "format": FORMAT,
         "format_version": VERSION,
         "method": estimate.method,
-        "warnings": warnings,
+        "warnings": " ".join(estimate.diagnostics.get("warnings", ())),
     }
     groups = {"": xr.Dataset(attrs=attributes), "torque": estimate.torque}
-    groups |= {
-        name: _parameter_dataset(getattr(estimate, name))
-        for name in ("stiffness", "reflex", "intervals")
-    }
+    for name in PARAMETER_GROUPS:
+        groups[name] = _parameter_dataset(getattr(estimate, name))
     if estimate.predictor is not None:
         groups["model"] = model_dataset(estimate.predictor)
     if estimate.trajectories is not None:
         groups["trajectories"] = estimate.trajectories
-    groups["diagnostics"] = xr.Dataset(attrs={JSON: dump_values(estimate.diagnostics)})
-    write_groups(groups, path, VARIABLE, overwrite=overwrite)
+    diagnostics = {DIAGNOSTICS_TEXT: dump_values(estimate.diagnostics)}
+    groups["diagnostics"] = xr.Dataset(attrs=diagnostics)
+    write_groups(groups, path, MATLAB_VARIABLE, overwrite=overwrite)
 
 
 def _parameter_dataset(values: Mapping[str, Any]) -> xr.Dataset:
-    data = xr.Dataset(
-        {
-            name: (("end",)[: np.ndim(value)], np.array(value, float))
-            for name, value in values.items()
-        }
-    )
-    for name in values.keys() & QUANTITIES.keys():
-        data[name].attrs = {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].name}
-    return data
+    """Numbers, or pairs of numbers, with their units and names."""
+    variables = {}
+    for name, value in values.items():
+        variable = xr.Variable(("end",) if np.ndim(value) else (), np.array(value, float))
+        if name in QUANTITIES:
+            variable.attrs = {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].name}
+        variables[name] = variable
+    return xr.Dataset(variables)
 
 
 def load_estimate(path: str | os.PathLike[str]) -> Estimate:
@@ -142,7 +147,7 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
     ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
     """
     path = check_path("load_estimate", "path", path)
-    groups = read_groups(path, VARIABLE)
+    groups = read_groups(path, MATLAB_VARIABLE)
     with name_errors(
         path, "estimate file", "restore it from a copy, or identify again and save it"
     ):
@@ -162,29 +167,39 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
 def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     """The estimate whose groups a file or a row of a table holds."""
     torque = groups["torque"]
-    time, rate = torque.array("time"), torque.number("identification_rate")
+    time = torque.array("time")
     names = [*TORQUES, MEASURED] if MEASURED in torque.values else TORQUES
     torques = {name: torque.array(name, time.size, finite=False) for name in names}
-    stiffness, reflex, intervals = (
-        {name: group.array(name, finite=False).tolist() for name in group.values}
-        for group in (
-            groups["stiffness"],
-            groups["reflex"],
-            groups.get("intervals", Fields("", {})),
-        )
-    )
+    predictor = None
+    if "model" in groups:
+        predictor = read_model(groups["model"])
+    trajectories = None
+    if "trajectories" in groups:
+        trajectories = read_trajectories(groups["trajectories"])
     return Estimate(
         method=groups[""].text("method"),
-        torque=torque_dataset(time, rate, **torques),
-        stiffness={name: value for name, (value,) in stiffness.items()},
-        reflex={name: value for name, (value,) in reflex.items()},
-        intervals={name: (low, high) for name, (low, high) in intervals.items()},
-        diagnostics=load_values(groups["diagnostics"].text(JSON)),
-        predictor=read_model(groups["model"]) if "model" in groups else None,
-        trajectories=read_trajectories(groups["trajectories"])
-        if "trajectories" in groups
-        else None,
+        torque=torque_dataset(time, torque.number("identification_rate"), **torques),
+        stiffness=_read_numbers(groups["stiffness"]),
+        reflex=_read_numbers(groups["reflex"]),
+        intervals=_read_intervals(groups.get("intervals", Fields("", {}))),
+        diagnostics=load_values(groups["diagnostics"].text(DIAGNOSTICS_TEXT)),
+        predictor=predictor,
+        trajectories=trajectories,
     )
+
+
+def _read_numbers(fields: Fields) -> dict[str, float]:
+    """Numbers by name; one may be nan."""
+    return {name: fields.array(name, 1, finite=False).item() for name in fields.values}
+
+
+def _read_intervals(fields: Fields) -> dict[str, tuple[float, float]]:
+    """Ends of intervals by name."""
+    intervals = {}
+    for name in fields.values:
+        low, high = fields.array(name, finite=False).tolist()
+        intervals[name] = (low, high)
+    return intervals
 
 
 class EstimateTable:
@@ -204,43 +219,41 @@ class EstimateTable:
     """
 
     def __init__(self, precision: str = "double", folder: PathLike | None = None) -> None:
-        columns = dict.fromkeys(
-            ("point", "name", "method", "diagnostics", *COLUMNS.values()), pa.string()
-        )
-        columns |= {
-            "number": pa.int64(),
-            "identification_rate": pa.float64(),
-            "time": pa.list_(pa.float64()),
-        }
+        texts = ("point", "name", "method", "diagnostics", *GROUP_COLUMNS.values())
+        columns = dict.fromkeys(texts, pa.string())
+        columns["number"] = pa.int64()
+        columns["identification_rate"] = pa.float64()
+        columns["time"] = pa.list_(pa.float64())
         columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(np.dtype(precision))))
         self._precision = precision
         self._schema = pa.schema(columns)
-        self._rows = SpooledTemporaryFile(MEMORY, dir=None if folder is None else os.fspath(folder))  # noqa: SIM115
+        directory = None if folder is None else os.fspath(folder)
+        self._rows = SpooledTemporaryFile(TABLE_MEMORY, dir=directory)  # noqa: SIM115
         weakref.finalize(self, self._rows.close)
         self._count = 0
 
     def add(self, estimate: Estimate, *, point: str, name: str, number: int) -> None:
         """Add the estimate of a trial, by a name of its method, at a point of a study."""
-        torque, course = estimate.torque, estimate.trajectories
+        torque = estimate.torque
         row = {
             "point": point,
             "name": name,
             "number": number,
             "method": estimate.method,
             "time": torque["time"].values,
+            "diagnostics": dump_values(estimate.diagnostics),
+            **torque.attrs,
         }
-        row |= torque.attrs | {
-            signal: torque[signal].values.astype(self._precision) for signal in TORQUES
-        }
-        groups = {
-            name: getattr(estimate, name)
-            for name in ("stiffness", "reflex", "intervals", "diagnostics")
-        }
+        for signal in TORQUES:
+            row[signal] = torque[signal].values.astype(self._precision)
+        groups = {group: getattr(estimate, group) for group in PARAMETER_GROUPS}
         if estimate.predictor is not None:
             groups["model"] = dump_model(estimate.predictor)
-        if course is not None:
-            groups["trajectories"] = {**course.variables, **course.attrs}
-        row |= {COLUMNS.get(group, group): dump_values(values) for group, values in groups.items()}
+        trajectories = estimate.trajectories
+        if trajectories is not None:
+            groups["trajectories"] = {**trajectories.variables, **trajectories.attrs}
+        for group, values in groups.items():
+            row[GROUP_COLUMNS[group]] = dump_values(values)
         pickle.dump(row, self._rows, pickle.HIGHEST_PROTOCOL)
         self._count += 1
 
@@ -250,12 +263,11 @@ class EstimateTable:
         with (
             atomic_file(path, overwrite=overwrite) as partial,
             open(partial, "wb") as file,
-            parquet.ParquetWriter(file, self._schema, **TABLE) as writer,
+            parquet.ParquetWriter(file, self._schema, **PARQUET_OPTIONS) as writer,
         ):
-            for start in range(0, self._count, ROWS):
-                rows = [
-                    pickle.load(self._rows) for _ in range(start, min(start + ROWS, self._count))
-                ]
+            for start in range(0, self._count, ROW_GROUP):
+                size = min(ROW_GROUP, self._count - start)
+                rows = [pickle.load(self._rows) for _ in range(size)]
                 writer.write_table(pa.Table.from_pylist(rows, self._schema))
 
 
@@ -264,21 +276,24 @@ def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int
 
     They predict; tuples in their diagnostics have become lists. Trials that the method could not identify are left out.
     """
+    filters = [("point", "==", point), ("name", "==", name)]
     estimates = {}
     for path in paths:
         check_readable(path)
         with name_errors(path, "estimate file", "delete it and run again"):
-            filters = [("point", "==", point), ("name", "==", name)]
             table = parquet.read_table(path, filters=filters, page_checksum_verification=True)
             for row in table.to_pylist():
-                source = f"{path}, row {row['number']}"
-                groups = {
-                    group: load_values(row[name]) for group, name in COLUMNS.items() if row[name]
-                }
-                groups |= {"": row, "torque": row, "diagnostics": {JSON: row["diagnostics"]}}
-                fields = {group: Fields(source, values) for group, values in groups.items()}
-                estimates[row["number"]] = _read_estimate(fields)
+                estimates[row["number"]] = _read_row(row, f"{path}, row {row['number']}")
     return dict(sorted(estimates.items()))
+
+
+def _read_row(row: dict[str, Any], source: str) -> Estimate:
+    """The estimate of a row of a table."""
+    groups = {"": row, "torque": row, "diagnostics": {DIAGNOSTICS_TEXT: row["diagnostics"]}}
+    for group, column in GROUP_COLUMNS.items():
+        if row[column]:
+            groups[group] = load_values(row[column])
+    return _read_estimate({group: Fields(source, values) for group, values in groups.items()})
 
 
 def dump_values(values: Any) -> str:
@@ -297,20 +312,21 @@ def _mark(value: Any) -> Any:
         return value.values.tolist()
     if isinstance(value, np.ndarray):
         return {
-            ARRAY: value.ravel().tolist(),
+            ARRAY_KEY: value.ravel().tolist(),
             "dtype": str(value.dtype),
             "shape": list(value.shape),
         }
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, complex):
-        return {COMPLEX: [value.real, value.imag]}
+        return {COMPLEX_KEY: [value.real, value.imag]}
     raise TypeError(f"{type(value).__name__} cannot be kept in diagnostics")
 
 
 def _restore(values: dict[str, Any]) -> Any:
-    if COMPLEX in values:
-        return complex(*values[COMPLEX])
-    if ARRAY in values:
-        return np.array(values[ARRAY], dtype=values["dtype"]).reshape(values["shape"])
+    """The value that an object stands for; another object as it is."""
+    if COMPLEX_KEY in values:
+        return complex(*values[COMPLEX_KEY])
+    if ARRAY_KEY in values:
+        return np.array(values[ARRAY_KEY], dtype=values["dtype"]).reshape(values["shape"])
     return values

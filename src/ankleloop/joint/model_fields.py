@@ -13,9 +13,8 @@ import xarray as xr
 from ankleloop.trials.group_files import Fields
 
 Part = TypeVar("Part")
-evaluate_types = cache(
-    partial(get_type_hints, include_extras=True)
-)  # of fields, which Python keeps as texts
+# Types of the fields of a class, which Python keeps as texts.
+evaluate_types = cache(partial(get_type_hints, include_extras=True))
 
 
 class Stored(NamedTuple):
@@ -47,28 +46,31 @@ def dump_fields(part: Any) -> dict[str, str | xr.Variable]:
         value = getattr(part, field)
         if stored is None:
             values |= dump_fields(value)
+        elif isinstance(value, str):
+            values[stored.name or field] = value
         elif value is not None:
-            variable = (
-                value
-                if isinstance(value, str)
-                else as_variable(value, stored.dimension, stored.unit)
-            )
-            values[stored.name or field] = variable
+            values[stored.name or field] = as_variable(value, stored.dimension, stored.unit)
     return values
 
 
 def read_fields(kind: type[Part], fields: Fields, **values: Any) -> Part:
     """The dataclass whose fields a file holds, with values that are known already."""
     for field, expected, stored in _list_fields(kind):
-        name = stored.name or field if stored else field
-        if stored is None:
-            values[field] = values.get(field) or read_fields(expected, fields)
-        elif name not in fields.values and NoneType in get_args(expected):
-            values[field] = None
-        elif stored.dimension:
-            values[field] = fields.array(name)
-        elif expected in (int, float, float | None):
-            values[field] = int(fields.number(name)) if expected is int else fields.number(name)
-        else:
-            values[field] = fields.text(name)
+        if stored is not None:
+            values[field] = _read_field(stored.name or field, expected, stored, fields)
+        elif field not in values:
+            values[field] = read_fields(expected, fields)
     return kind(**values)
+
+
+def _read_field(name: str, expected: Any, stored: Stored, fields: Fields) -> Any:
+    """A field of the type that is expected."""
+    if name not in fields.values and NoneType in get_args(expected):
+        return None
+    if stored.dimension:
+        return fields.array(name)
+    if expected is int:
+        return int(fields.number(name))
+    if expected in (float, float | None):
+        return fields.number(name)
+    return fields.text(name)

@@ -13,8 +13,8 @@ import xarray as xr
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
+from ankleloop.joint.bases import Basis, read_basis
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.hammerstein import Basis
 from ankleloop.joint.model_fields import Stored, as_variable, dump_fields, read_fields
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import (
@@ -37,9 +37,17 @@ from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.trials.group_files import Fields
 
-RIPPLE = 0.01  # of the range of a basis: its filters carry the velocity as far beyond
-PADDING = 1.0  # s
-BEYOND = 0.05  # share of the samples beyond the limits of a scheduling variable from which on a warning says so
+VELOCITY_RIPPLE = 0.01  # of the range of a basis: filters carry the velocity as far beyond
+REFLEX_PADDING = 1.0  # s
+# Of the samples, outside the limits of a scheduling variable, without a warning.
+LARGEST_SHARE_OUTSIDE = 0.05
+# Dimensions of matrices: a product along the common one, A.dot(x), is a product of matrices.
+MATRIX_AXES = {
+    "A": ("next_state", "state"),
+    "B": ("next_state", "input"),
+    "C": ("output", "state"),
+    "D": ("output", "input"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +55,8 @@ class ModelInputs:
     """Inputs of a model: position, velocity, acceleration, and basis functions of the delayed velocity."""
 
     basis: Basis  # basis functions, with the scale or the knots of the record that was fitted
-    delay: Annotated[
-        float, Stored(unit="s")
-    ]  # reflex delay, by which the velocity of the basis functions is late
+    # Reflex delay, by which the velocity of the basis functions is late.
+    delay: Annotated[float, Stored(unit="s")]
     identification_rate: Annotated[float, Stored(unit="Hz")]  # rate of the inputs
     # Rate of the record that was fitted; another trial may have another one.
     recording_rate: Annotated[float, Stored(unit="Hz")]
@@ -59,27 +66,32 @@ class ModelInputs:
     @classmethod
     def of(cls, regressors: Regressors, delay: float | None = None) -> ModelInputs:
         """Those of regressors."""
-        basis, rate = replace(regressors.basis, quantiles=np.empty(0)), regressors.rate
-        late = regressors.delay if delay is None else float(delay)
-        return cls(basis, late, rate, regressors.grid.factor * rate, regressors.omitted_step)
+        return cls(
+            basis=replace(regressors.basis, quantiles=np.empty(0)),
+            delay=regressors.delay if delay is None else float(delay),
+            identification_rate=regressors.rate,
+            recording_rate=regressors.grid.factor * regressors.rate,
+            omitted_step=regressors.omitted_step,
+        )
 
     def label(self, matrices: Matrices) -> Matrices:
         """Matrices with the names and delays of these inputs, and with their numbers in the order of C.
 
         The order in memory decides the last bits of a product: so a model from a file gives those of the first one.
         """
-        A, B, C, D = (
-            np.ascontiguousarray(part) for part in (matrices.A, matrices.B, matrices.C, matrices.D)
-        )
+        A, B, C, D = (np.ascontiguousarray(getattr(matrices, name)) for name in MATRIX_AXES)
         terms = self.basis.names
+        names = ((*INTRINSIC_NAMES, *terms), ("torque",))
         delays = (0.0,) * MOTION + (self.delay,) * len(terms)
-        return Matrices(A, B, C, D, matrices.dt, ((*INTRINSIC_NAMES, *terms), ("torque",)), delays)
+        return Matrices(A, B, C, D, matrices.dt, names, delays)
 
     def regressors(self, trial: PreparedTrial) -> Regressors:
         """Inputs of another trial, with the basis, the delay and the rate of this model."""
-        rate, step = self.identification_rate, self.omitted_step
         return trial.regressors(
-            delay=self.delay, basis=self.basis, identification_rate=rate, omitted_step=step
+            delay=self.delay,
+            basis=self.basis,
+            identification_rate=self.identification_rate,
+            omitted_step=self.omitted_step,
         )
 
     def kernels(self) -> dict[str, xr.Variable]:
@@ -90,21 +102,18 @@ class ModelInputs:
         if self.omitted_step is not None:
             return {}
         factor = decimation_factor(self.recording_rate, self.identification_rate)
-        margin, designs = (
-            decimation_margin(factor),
-            [decimation_taps(factor, derivative) for derivative in range(3)],
-        )
-        padded = [np.pad(taps, margin - half) for taps, half in designs]
-        kernels = self.identification_rate ** np.arange(3)[:, None] * padded
-        taps, half, whole = velocity_taps(self.recording_rate, self.delay)
-        decimation_lags, velocity_lags = (
-            np.arange(-margin, margin + 1),
-            np.arange(-half, half + 1) + whole,
-        )
+        margin = decimation_margin(factor)
+        kernels = []
+        for derivative in range(MOTION):
+            taps, half = decimation_taps(factor, derivative)
+            kernels.append(self.identification_rate**derivative * np.pad(taps, margin - half))
+        decimation_lags = np.arange(-margin, margin + 1)
+        velocity_kernel, half, delay = velocity_taps(self.recording_rate, self.delay)
+        velocity_lags = np.arange(-half, half + 1) + delay
         return {
-            "decimation_kernel": as_variable(kernels, ("derivative", "decimation_lag")),
+            "decimation_kernel": as_variable(np.array(kernels), ("derivative", "decimation_lag")),
             "decimation_lag": as_variable(decimation_lags, "decimation_lag", "recorded samples"),
-            "velocity_kernel": as_variable(taps, "velocity_lag", "1/s"),
+            "velocity_kernel": as_variable(velocity_kernel, "velocity_lag", "1/s"),
             "velocity_lag": as_variable(velocity_lags, "velocity_lag", "recorded samples"),
         }
 
@@ -125,15 +134,19 @@ class JointModel:
         """Torques of a trial with these regressors."""
         raise NotImplementedError
 
+    def lags(self) -> dict[str, xr.Variable]:
+        """Lags of responses, which other programs need; none."""
+        return {}
+
     def check_range(self, trial: PreparedTrial) -> list[str]:
         """Warning about velocities for which the basis functions were not fitted."""
         basis = self.inputs.basis
-        low, high = (
-            (basis.knots[0], basis.knots[-1]) if basis.knots.size else (-basis.scale, basis.scale)
-        )
-        velocity, margin = trial.velocity(self.inputs.delay), RIPPLE * (high - low)
-        outside = (velocity < low - margin) | (velocity > high + margin)
-        if basis.kind == "rectifier" or not outside.any():
+        if basis.extrapolates:
+            return []
+        velocity = trial.velocity(self.inputs.delay)
+        low, high = basis.limits
+        margin = VELOCITY_RIPPLE * (high - low)
+        if low - margin <= velocity.min() and velocity.max() <= high + margin:
             return []
         return [
             f"the velocity of this trial goes from {velocity.min():.3g} to {velocity.max():.3g} rad/s, and the "
@@ -159,12 +172,10 @@ class StateSpaceModel(JointModel):
 class PhysicalModel(JointModel):
     """Physical parameters in continuous time, as refined instrumental variables estimate them."""
 
-    stiffness: Annotated[
-        np.ndarray, Stored("parameter")
-    ]  # shape (3,): K [N·m/rad], B [N·m·s/rad], I [kg·m²]
-    coefficients: Annotated[
-        np.ndarray, Stored("basis_function")
-    ]  # shape (k,): torque per basis function
+    # Shape (3,): K [N·m/rad], B [N·m·s/rad], I [kg·m²].
+    stiffness: Annotated[np.ndarray, Stored("parameter")]
+    # Shape (k,): torque per basis function.
+    coefficients: Annotated[np.ndarray, Stored("basis_function")]
     dynamics: ReflexDynamics  # low-pass of unit gain behind the basis functions
     kind: ClassVar[str] = "physical"
 
@@ -173,15 +184,17 @@ class PhysicalModel(JointModel):
         """A, B, C, D at the identification rate, for inputs that are linear between samples."""
         rate = self.inputs.identification_rate
         A, B, C, D = self.dynamics.matrices(rate)
-        B = np.hstack([np.zeros((len(A), MOTION)), B * self.coefficients])
-        D = np.concatenate([self.stiffness, D.item() * self.coefficients])[None, :]
-        return self.inputs.label(Matrices(A, B, C, D, 1.0 / rate))
+        input_matrix = np.hstack([np.zeros((len(A), MOTION)), B * self.coefficients])
+        feedthrough = np.concatenate([self.stiffness, D.item() * self.coefficients])
+        return self.inputs.label(Matrices(A, input_matrix, C, feedthrough[None, :], 1.0 / rate))
 
     def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
         """Torques of a trial; the dynamics act at the recording rate."""
         intrinsic = regressors.centred[0] @ self.stiffness
-        drive = self.coefficients @ self.inputs.basis(trial.velocity(self.inputs.delay))
-        recorded = simulate_response(*self.dynamics.matrices(trial.rate), drive[:, None])[:, 0]
+        functions = self.inputs.basis(trial.velocity(self.inputs.delay))
+        drive = self.coefficients @ functions
+        matrices = self.dynamics.matrices(trial.rate)
+        recorded = simulate_response(*matrices, drive[:, None])[:, 0]
         reflex = decimate(recorded, *regressors.grid)
         return torque_dataset(regressors.time, regressors.rate, **sum_paths(intrinsic, reflex))
 
@@ -201,26 +214,30 @@ class ResponseModel(JointModel):
 
     def lags(self) -> dict[str, xr.Variable]:
         """Lags of the responses."""
-        rate, leads = self.inputs.identification_rate, self.intrinsic.size // 2
+        rate = self.inputs.identification_rate
+        leads = self.intrinsic.size // 2
+        intrinsic_lags = np.arange(-leads, leads + 1) / rate
+        reflex_lags = np.arange(self.reflex.size) / rate
         return {
-            "intrinsic_lag": as_variable(np.arange(-leads, leads + 1) / rate, "intrinsic_lag", "s"),
-            "reflex_lag": as_variable(np.arange(self.reflex.size) / rate, "reflex_lag", "s"),
+            "intrinsic_lag": as_variable(intrinsic_lags, "intrinsic_lag", "s"),
+            "reflex_lag": as_variable(reflex_lags, "reflex_lag", "s"),
         }
 
     def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
         """Torques of a trial, where all lags of its inputs are recorded."""
-        leads, samples = self.intrinsic.size // 2, regressors.torque.size
+        leads = self.intrinsic.size // 2
+        samples = regressors.torque.size
         rows = slice(max(leads, self.reflex.size - 1), samples - leads)
         if rows.stop - rows.start < 2:
             raise DataError(
                 f"the trial has {samples} samples, responses take {rows.start + leads}: record longer."
             )
-        position, drive = regressors.inputs[:, 0], regressors.inputs[:, -1]
+        position = regressors.inputs[:, 0]
+        drive = regressors.inputs[:, -1]
         intrinsic = np.convolve(position - position.mean(), self.intrinsic)[leads:][rows]
         reflex = np.convolve(drive - drive.mean(), self.reflex)[rows]
-        return torque_dataset(
-            regressors.time[rows], regressors.rate, **sum_paths(intrinsic, reflex)
-        )
+        torques = sum_paths(intrinsic, reflex)
+        return torque_dataset(regressors.time[rows], regressors.rate, **torques)
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,9 +249,8 @@ class TimeVaryingModel(JointModel):
     variable: Annotated[str | None, Stored()]
     # Phase, time from the first sample of a trial [s] or scheduling variable at the first and at the last place.
     limits: Annotated[np.ndarray, Stored("end")]
-    degree: Annotated[
-        int, Stored(name="spline_degree")
-    ]  # degree of the splines: 3, or 0 for indicators of intervals
+    # Degree of the splines: 3, or 0 for indicators of intervals.
+    degree: Annotated[int, Stored(name="spline_degree")]
     # Coefficients of the splines of K, B, G and I, of shape (splines,); a single one of I where it is constant.
     stiffness: Annotated[
         np.ndarray, Stored("stiffness_spline", name="stiffness_splines", unit="N·m/rad")
@@ -245,24 +261,27 @@ class TimeVaryingModel(JointModel):
     gain: Annotated[np.ndarray, Stored("gain_spline", name="gain_splines", unit="N·m·s/rad")]
     inertia: Annotated[np.ndarray, Stored("inertia_spline", name="inertia_splines", unit="kg·m²")]
     dynamics: ReflexDynamics  # low-pass of unit gain
-    torque_lag: Annotated[float, Stored(unit="s")] = (
-        0.0  # lag of the torque channel behind the position
-    )
+    # Lag of the torque channel behind the position.
+    torque_lag: Annotated[float, Stored(unit="s")] = 0.0
     # Position at which the elastic torque is zero; None for the mean position of a trial.
     rest_position: Annotated[float | None, Stored(unit="rad")] = None
     kind: ClassVar[str] = "time-varying"
     matrices: ClassVar[None] = None
 
-    def parameters(self, place: np.ndarray) -> list[np.ndarray]:
-        """K, B, G and I at places, four arrays of the shape of `place`; beyond 0 … 1 those of the next end."""
-        periodic, coefficients = (
-            self.dimension == "phase",
-            (self.stiffness, self.viscosity, self.gain, self.inertia),
-        )
-        return [
-            Splines(c.size, periodic, self.degree if c.size > 1 else 0)(place) @ c
-            for c in coefficients
-        ]
+    def parameters(self, place: np.ndarray) -> dict[str, np.ndarray]:
+        """K, B, G and I at places, each of the shape of `place`; beyond 0 … 1 those of the next end."""
+        coefficients = {
+            "K": self.stiffness,
+            "B": self.viscosity,
+            "G": self.gain,
+            "I": self.inertia,
+        }
+        periodic = self.dimension == "phase"
+        parameters = {}
+        for name, values in coefficients.items():
+            degree = self.degree if values.size > 1 else 0
+            parameters[name] = Splines(values.size, periodic, degree)(place) @ values
+        return parameters
 
     def predict(
         self, trial: PreparedTrial, cycle_onsets: str | Sequence[float] | None = None
@@ -270,7 +289,7 @@ class TimeVaryingModel(JointModel):
         """Torques of a trial, from a state of rest."""
         grid = trial.grid(self.inputs.identification_rate, self.inputs.delay)
         if self.dimension != "phase":
-            return self.torques(trial, grid, self._share(trial, grid))
+            return self.torques(trial, grid, self._compute_place(trial, grid))
         onsets = self.variable if cycle_onsets is None else cycle_onsets
         if onsets is None:
             raise DataError(
@@ -279,26 +298,30 @@ class TimeVaryingModel(JointModel):
         place = cycle_place(trial.grid_times(grid), find_onsets(trial, onsets), 0.5 / trial.rate)
         return self.torques(trial, grid, place)
 
-    def _share(self, trial: PreparedTrial, grid: Grid) -> np.ndarray:
+    def _compute_place(self, trial: PreparedTrial, grid: Grid) -> np.ndarray:
         """Time or scheduling variable as a share of the range that was fitted, shape (N,); not clipped."""
-        values = course_values(trial, grid, self.variable)
-        return (values - self.limits[0]) / (self.limits[1] - self.limits[0])
+        low, high = self.limits
+        return (course_values(trial, grid, self.variable) - low) / (high - low)
 
     def torques(self, trial: PreparedTrial, grid: Grid, place: np.ndarray) -> xr.Dataset:
         """Torques of a trial whose samples are at known places.
 
         Shapes: place (N,).
         """
-        stiffness, viscosity, gain, inertia = self.parameters(place)
+        parameters = self.parameters(place)
         position, velocity, acceleration = trial.motion(grid)
         rest = position.mean() if self.rest_position is None else self.rest_position
-        intrinsic = stiffness * (position - rest) + viscosity * velocity + inertia * acceleration
-        drive = gain * decimate(np.maximum(0.0, trial.velocity(self.inputs.delay)), *grid)
+        elastic = parameters["K"] * (position - rest)
+        viscous = parameters["B"] * velocity
+        intrinsic = elastic + viscous + parameters["I"] * acceleration
+        (rectified,) = self.inputs.basis(trial.velocity(self.inputs.delay))
+        drive = parameters["G"] * decimate(rectified, *grid)
         rate = self.inputs.identification_rate
-        size = int(next_fast_len(grid.samples + round(PADDING * rate), real=True))
+        size = int(next_fast_len(grid.samples + round(REFLEX_PADDING * rate), real=True))
         s = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
         lag = np.exp(-s * self.torque_lag)
-        reflex = irfft(lag * self.dynamics.response(s)[0] * rfft(drive, size), size)[: grid.samples]
+        response = lag * self.dynamics.response(s)[0]
+        reflex = irfft(response * rfft(drive, size), size)[: grid.samples]
         if self.torque_lag:
             intrinsic = irfft(lag * rfft(intrinsic, size), size)[: grid.samples]
         return torque_dataset(trial.grid_times(grid), rate, **sum_paths(intrinsic, reflex))
@@ -307,38 +330,34 @@ class TimeVaryingModel(JointModel):
         """Warning about values of the scheduling variable, or times, for which the splines were not fitted."""
         if self.dimension == "phase":
             return []
-        share = self._share(trial, trial.grid(self.inputs.identification_rate, self.inputs.delay))
-        outside = float(np.mean((share < 0) | (share > 1)))
-        if outside <= BEYOND:
+        grid = trial.grid(self.inputs.identification_rate, self.inputs.delay)
+        place = self._compute_place(trial, grid)
+        outside = float(np.mean((place < 0) | (place > 1)))
+        if outside <= LARGEST_SHARE_OUTSIDE:
             return []
-        name, (low, high) = self.variable or "the time", self.limits
+        name = self.variable or "the time"
+        low, high = self.limits
         return [
             f"{name} lies beyond the fitted range of {low:.3g} to {high:.3g} for {100 * outside:.2g} % of the samples."
         ]
 
 
 Model = StateSpaceModel | PhysicalModel | ResponseModel | TimeVaryingModel
-KINDS: dict[str, type[Model]] = {model.kind: model for model in get_args(Model)}
-# Dimensions of matrices: a product along the common one, A.dot(x), is a product of matrices.
-AXES = {
-    "A": ("next_state", "state"),
-    "B": ("next_state", "input"),
-    "C": ("output", "state"),
-    "D": ("output", "input"),
-}
+MODEL_KINDS: dict[str, type[Model]] = {model.kind: model for model in get_args(Model)}
 
 
 def read_model(fields: Fields) -> Model:
     """The model whose `kind` and fields a file holds."""
     kind = fields.text("kind")
-    if kind not in KINDS:
+    if kind not in MODEL_KINDS:
         raise DataError(
-            f"{fields.source}: unknown kind of model {kind!r}; known: {', '.join(KINDS)}."
+            f"{fields.source}: unknown kind of model {kind!r}; known: {', '.join(MODEL_KINDS)}."
         )
-    inputs = read_fields(ModelInputs, fields)
+    inputs = read_fields(ModelInputs, fields, basis=read_basis(fields))
     if kind != StateSpaceModel.kind:
-        return read_fields(KINDS[kind], fields, inputs=inputs)
-    n, m = isqrt(fields.array("A").size), MOTION + len(inputs.basis.names)
+        return read_fields(MODEL_KINDS[kind], fields, inputs=inputs)
+    n = isqrt(fields.array("A").size)
+    m = MOTION + len(inputs.basis.names)
     shapes = {"A": (n, n), "B": (n, m), "C": (1, n), "D": (1, m)}
     A, B, C, D = (fields.array(name, *shape) for name, shape in shapes.items())
     matrices = inputs.label(Matrices(A, B, C, D, 1.0 / inputs.identification_rate))
@@ -346,28 +365,25 @@ def read_model(fields: Fields) -> Model:
 
 
 def dump_model(model: Model) -> dict[str, str | xr.Variable]:
-    """Kind and fields of a model, from which it is read."""
-    matrices = {
-        name: as_variable(getattr(model.matrices, name), axes)
-        for name, axes in AXES.items()
-        if model.matrices
-    }
-    return {"kind": model.kind, **dump_fields(model), **matrices}
+    """Kinds and fields of a model and of its basis, from which it is read."""
+    fields = {"kind": model.kind, "basis": model.inputs.basis.kind, **dump_fields(model)}
+    if model.matrices is not None:
+        for name, axes in MATRIX_AXES.items():
+            fields[name] = as_variable(getattr(model.matrices, name), axes)
+    return fields
 
 
 def model_dataset(model: Model) -> xr.Dataset:
     """Fields of a model, and what other programs need to compute its torques without the library."""
-    fields = dump_model(model) | model.inputs.kernels()
+    fields = dump_model(model) | model.inputs.kernels() | model.lags()
     names: dict[str, Sequence[str]] = {"basis_function": list(model.inputs.basis.names)}
-    if (m := model.matrices) and m.names:
-        names |= {"input": list(m.names[0]), "output": list(m.names[1])}
-        fields["input_delay"] = as_variable(np.array(m.input_delays), "input", "s")
-    if isinstance(model, ResponseModel):
-        fields |= model.lags()
+    matrices = model.matrices
+    if matrices is not None and matrices.names:
+        names["input"], names["output"] = map(list, matrices.names)
+        fields["input_delay"] = as_variable(np.array(matrices.input_delays), "input", "s")
     texts = {name: value for name, value in fields.items() if isinstance(value, str)}
-    return xr.Dataset(
-        {name: value for name, value in fields.items() if name not in texts}, names, texts
-    )
+    variables = {name: value for name, value in fields.items() if name not in texts}
+    return xr.Dataset(variables, names, texts)
 
 
 def simulate_torques(
@@ -377,18 +393,23 @@ def simulate_torques(
 
     Shapes: initial_state (n,).
     """
-    paths, inputs = [], (slice(MOTION), slice(MOTION, None))
-    for u, columns, state in zip(regressors.centred, inputs, (None, initial_state), strict=True):
-        paths.append(
-            simulate_response(model.A, model.B[:, columns], model.C, model.D[:, columns], u, state)[
-                :, 0
-            ]
-        )
-    if not np.isfinite(paths).all():
+    motion, drive = regressors.centred
+    intrinsic = _simulate_columns(model, slice(MOTION), motion, None)
+    reflex = _simulate_columns(model, slice(MOTION, None), drive, initial_state)
+    if not (np.isfinite(intrinsic).all() and np.isfinite(reflex).all()):
         raise DataError(
             "the estimated torques are not finite: the model does not suit the record; lower its order."
         )
-    return torque_dataset(regressors.time, regressors.rate, **sum_paths(*paths))
+    return torque_dataset(regressors.time, regressors.rate, **sum_paths(intrinsic, reflex))
+
+
+def _simulate_columns(
+    model: Matrices, columns: slice, signals: np.ndarray, state: np.ndarray | None
+) -> np.ndarray:
+    """Torque by some of the inputs alone."""
+    B = model.B[:, columns]
+    D = model.D[:, columns]
+    return simulate_response(model.A, B, model.C, D, signals, state)[:, 0]
 
 
 def sum_paths(intrinsic: np.ndarray, reflex: np.ndarray) -> dict[str, np.ndarray]:
@@ -396,5 +417,6 @@ def sum_paths(intrinsic: np.ndarray, reflex: np.ndarray) -> dict[str, np.ndarray
 
     Shapes: (N,).
     """
-    intrinsic, reflex = intrinsic - intrinsic.mean(), reflex - reflex.mean()
+    intrinsic = intrinsic - intrinsic.mean()
+    reflex = reflex - reflex.mean()
     return {"net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}

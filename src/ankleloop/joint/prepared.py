@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from copy import copy
+from dataclasses import is_dataclass
 from functools import wraps
 from typing import Any, TypeVar, cast
 
@@ -11,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.hammerstein import Basis, fit_basis
+from ankleloop.joint.bases import BASES, Basis
 from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid
 from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
 from ankleloop.signals.responses import predict_decimated
@@ -25,42 +26,73 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def once(function: Function) -> Function:
-    """Decorate a function of a prepared trial: its value for each set of further arguments is computed once."""
+    """Decorate a function of a prepared trial: its value for each set of further arguments is computed once.
+
+    Arrays of the value can be read only, because others get them as well.
+    """
 
     @wraps(function)
     def compute_once(trial: PreparedTrial, *arguments: Any, **options: Any) -> Any:
         key = (function, *arguments, *options.items())
         if key not in trial.computed:
-            trial.computed[key] = function(trial, *arguments, **options)
+            value = function(trial, *arguments, **options)
+            _protect(value)
+            trial.computed[key] = value
         return trial.computed[key]
 
     return cast(Function, compute_once)
 
 
+def _protect(value: Any) -> None:
+    """Make arrays of a value read-only."""
+    if isinstance(value, np.ndarray):
+        value.flags.writeable = False
+    elif isinstance(value, list | tuple):
+        for part in value:
+            _protect(part)
+    elif is_dataclass(value):
+        _protect([*vars(value).values()])
+
+
+def _protect_samples(trial: xr.Dataset) -> xr.Dataset:
+    """A trial of the same samples, through which they cannot be edited."""
+    protected = trial.copy(deep=False)
+    for variable in protected.variables.values():
+        if not isinstance(variable, xr.IndexVariable):
+            samples = variable.values.view()
+            samples.flags.writeable = False
+            variable.data = samples
+    return protected
+
+
 class PreparedTrial:
     """A valid trial that computes each derivative, decimated channel and regressor once.
 
-    Methods and scores take it in the place of a trial; they share what one of them has computed. The trial must not
-    be changed meanwhile. `validated` says that `ankleloop.trials.trial.validate` has accepted it already.
+    Methods and scores take it in the place of a trial; they share what one of them has computed. So nothing of it can
+    be edited: arrays of `trial`, and those that it computes, raise ValueError when they are written to. Its samples are
+    those of the data set that was given, not a copy: to change them, change a copy of that and prepare it anew.
+    `validated` says that `ankleloop.trials.trial.validate` has accepted it already.
 
     >>> from ankleloop.simulation.simulate import simulate
     >>> trial = PreparedTrial(simulate(seed=1, duration=5.0))
     >>> trial.regressors(delay=0.04, basis="rectifier", identification_rate=100.0).inputs.shape
     (432, 4)
+    >>> trial.trial["position"].values[:] = 0.0
+    Traceback (most recent call last):
+      ...
+    ValueError: assignment destination is read-only
     """
 
     def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
-        self.trial = trial if validated else validate(trial)
+        self.trial = _protect_samples(trial if validated else validate(trial))
         self.rate = float(self.trial.attrs["sampling_rate"])
-        self.time: np.ndarray = trial.variables[
-            "time"
-        ].values  # of every sample [s], shape (samples,)
+        # As recorded, by name, shape (samples,).
         self.samples = {
             str(name): variable.values for name, variable in self.trial.variables.items()
-        }  # as recorded
-        self.computed: dict[
-            Hashable, Any
-        ] = {}  # values by what they were computed of; they must not be changed
+        }
+        self.time = self.samples["time"]  # of every sample [s], shape (samples,)
+        # Values by what they were computed of.
+        self.computed: dict[Hashable, Any] = {}
 
     def clear(self) -> None:
         """Free all computed values.
@@ -96,10 +128,9 @@ class PreparedTrial:
 
         Shapes: time (N,); returns (N,).
         """
+        factor = decimation_factor(self.rate, identification_rate)
         first = round((float(time[0]) - float(self.time[0])) * self.rate)
-        return self.channel(
-            name, Grid(decimation_factor(self.rate, identification_rate), first, time.size)
-        )
+        return self.channel(name, Grid(factor, first, time.size))
 
     @once
     def velocity(self, delay: float) -> np.ndarray:
@@ -107,12 +138,17 @@ class PreparedTrial:
         return differentiate(self.samples["position"], self.rate, delay)
 
     @once
-    def motion(self, grid: Grid) -> list[np.ndarray]:
+    def motion(self, grid: Grid) -> tuple[np.ndarray, ...]:
         """Position, velocity and acceleration, decimated: three arrays of shape (N,)."""
-        return [
-            decimate(self.samples["position"], *grid, rate=self.rate, derivative=order)
-            for order in range(3)
-        ]
+        position = self.samples["position"]
+        return tuple(
+            decimate(position, *grid, rate=self.rate, derivative=order) for order in range(3)
+        )
+
+    @once
+    def fit_basis(self, kind: str, terms: int, delay: float) -> Basis:
+        """Basis of so many functions, fitted to the delayed velocity."""
+        return BASES[kind].fit(self.velocity(delay), terms)
 
     @once
     def regressors(
@@ -133,13 +169,13 @@ class PreparedTrial:
         if reference is not None:
             self.check_variable(reference)
         grid = self.grid(identification_rate, delay)
-        terms = 1 if basis == "rectifier" else degree
-        fitted, inputs = _make_inputs(self, delay, basis, terms, grid, omitted_step)
+        if isinstance(basis, str):
+            basis = self.fit_basis(basis, BASES[basis].count_terms(degree), delay)
         return Regressors(
             time=self.grid_times(grid),
-            inputs=inputs,
+            inputs=_make_inputs(self, delay, basis, grid, omitted_step),
             torque=self.channel("torque", grid),
-            basis=fitted,
+            basis=basis,
             delay=delay,
             rate=float(identification_rate),
             grid=grid,
@@ -161,32 +197,31 @@ class PreparedTrial:
             return regressors.inputs
         position = predict_decimated(regressors.inputs[:, 0], self.samples[name], grid, self.rate)
         predicted = copy(self)
-        predicted.samples, predicted.computed = self.samples | {"position": position}, {}
+        predicted.samples = self.samples | {"position": position}
+        predicted.computed = {}
         return _make_inputs(
-            predicted, regressors.delay, regressors.basis, 1, grid, regressors.omitted_step
-        )[1]
+            predicted, regressors.delay, regressors.basis, grid, regressors.omitted_step
+        )
 
 
 @once
 def _make_inputs(
     trial: PreparedTrial,
     delay: float,
-    basis: str | Basis,
-    degree: int,
+    basis: Basis,
     grid: Grid,
     omitted_step: InputStep | None,
-) -> tuple[Basis, np.ndarray]:
-    """Basis and inputs, which regressors with any reference share."""
+) -> np.ndarray:
+    """Inputs, which regressors with any reference share."""
     velocity = trial.velocity(delay)
-    fitted = basis if isinstance(basis, Basis) else fit_basis(velocity, basis, degree)
-    motion = (
-        _take_differences(trial, grid)
-        if omitted_step == "kernel-derivatives"
-        else trial.motion(grid)
-    )
-    late = omitted_step == "early-nonlinearity"
-    terms = fitted(decimate(velocity, *grid)) if late else decimate(fitted(velocity), *grid)
-    return fitted, np.column_stack([*motion, *terms])
+    if omitted_step == "early-nonlinearity":
+        terms = basis(decimate(velocity, *grid))
+    else:
+        terms = decimate(basis(velocity), *grid)
+    motion = trial.motion(grid)
+    if omitted_step == "kernel-derivatives":
+        motion = _take_differences(trial, grid)
+    return np.column_stack([*motion, *terms])
 
 
 def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
@@ -200,14 +235,14 @@ def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
     return trial if isinstance(trial, PreparedTrial) else PreparedTrial(trial)
 
 
-def _take_differences(trial: PreparedTrial, grid: Grid) -> list[np.ndarray]:
+def _take_differences(trial: PreparedTrial, grid: Grid) -> tuple[np.ndarray, ...]:
     """Decimated position, its central differences, and those of these.
 
     The kernel of the position is shorter than those of its derivatives: it reaches two samples further.
     """
-    extended = decimate(
-        trial.samples["position"], grid.factor, grid.first - 2 * grid.factor, grid.samples + 4
-    )
-    interval = grid.factor / trial.rate
-    velocity = (extended[2:] - extended[:-2]) / (2 * interval)
-    return [extended[2:-2], velocity[1:-1], (velocity[2:] - velocity[:-2]) / (2 * interval)]
+    first = grid.first - 2 * grid.factor
+    position = decimate(trial.samples["position"], grid.factor, first, grid.samples + 4)
+    span = 2 * grid.factor / trial.rate  # s, from the sample before to the one after
+    velocity = (position[2:] - position[:-2]) / span
+    acceleration = (velocity[2:] - velocity[:-2]) / span
+    return position[2:-2], velocity[1:-1], acceleration

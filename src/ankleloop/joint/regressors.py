@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import ceil
 from typing import Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.hammerstein import Basis
+from ankleloop.joint.bases import Basis
+from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.decimation import (
     decimation_factor,
     decimation_margin,
     differentiation_margin,
 )
+from ankleloop.signals.least_squares import SINGULAR, fit_scaled
 
 INTRINSIC_NAMES = ("position", "velocity", "acceleration")
 MOTION = len(INTRINSIC_NAMES)
@@ -38,8 +41,11 @@ class Grid(NamedTuple):
 def decimation_grid(samples: int, rate: float, identification_rate: float, delay: float) -> Grid:
     """Grid of all decimated samples that no filter edge touches."""
     factor = decimation_factor(rate, identification_rate)
-    first, after = recording_margins(rate, factor, delay)
-    count = (samples - 1 - after - first) // factor + 1
+    margin = decimation_margin(factor)
+    before, after = differentiation_margin(rate, delay)
+    first = factor * ceil((margin + max(before, 0)) / factor)
+    last = samples - 1 - margin - max(after, 0)
+    count = (last - first) // factor + 1
     if count < 2:
         raise DataError(
             f"the record of {samples / rate:.3g} s is too short for its filters. Record longer."
@@ -47,21 +53,13 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
     return Grid(factor, first, count)
 
 
-def recording_margins(rate: float, factor: int, delay: float) -> tuple[int, int]:
-    """Recorded samples that the filters touch: before the first decimated one, in whole factors, and after the last."""
-    margin = decimation_margin(factor)
-    before, after = differentiation_margin(rate, delay)
-    return -(-(margin + max(before, 0)) // factor) * factor, margin + max(after, 0)
-
-
 @dataclass(frozen=True, eq=False)
 class Regressors:
     """Inputs and output of an identification on one record."""
 
     time: np.ndarray  # shape (N,): time in the record [s]
-    inputs: (
-        np.ndarray
-    )  # shape (N, 3 + k): P, Ṗ, P̈ and the k basis functions of the delayed velocity
+    # Shape (N, 3 + k): P, Ṗ, P̈ and the k basis functions of the delayed velocity.
+    inputs: np.ndarray
     torque: np.ndarray  # shape (N,): measured net torque [N·m]
     basis: Basis  # basis of the nonlinearity, with its scale or knots
     delay: float  # reflex delay [s]
@@ -74,7 +72,9 @@ class Regressors:
     @cached_property
     def centred(self) -> list[np.ndarray]:
         """Inputs of the intrinsic and of the reflex path, less their means: shapes (N, 3) and (N, k)."""
-        return np.split(self.inputs - self.inputs.mean(axis=0), [MOTION], axis=1)
+        deviations = self.inputs - self.inputs.mean(axis=0)
+        deviations.flags.writeable = False
+        return np.split(deviations, [MOTION], axis=1)
 
     @property
     def reflex(self) -> np.ndarray:
@@ -89,10 +89,8 @@ class Regressors:
         Shapes: torque (M,).
         """
         motion = self.inputs[rows, :MOTION]
-        values = np.linalg.lstsq(
-            motion - motion.mean(axis=0), torque - np.mean(torque), rcond=None
-        )[0]
-        return dict(zip("KBI", map(float, values), strict=True))
+        values = fit_scaled(motion - motion.mean(axis=0), torque - np.mean(torque), SINGULAR)
+        return dict(zip(STIFFNESS, values.tolist(), strict=True))
 
 
 def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.Dataset:
@@ -105,10 +103,10 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
     >>> torque["net"].attrs["units"], torque.attrs["identification_rate"]
     ('N·m', 100.0)
     """
-    names = {name: f"{'' if name == MEASURED else 'estimated '}{name} torque" for name in torques}
-    variables = {
-        name: ("time", values, {"units": "N·m", "long_name": names[name]})
-        for name, values in torques.items()
-    }
+    variables = {}
+    for name, values in torques.items():
+        origin = "" if name == MEASURED else "estimated "
+        attributes = {"units": "N·m", "long_name": f"{origin}{name} torque"}
+        variables[name] = ("time", values, attributes)
     coordinate = ("time", np.asarray(time, dtype=float), {"units": "s", "long_name": "time"})
     return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": float(rate)})

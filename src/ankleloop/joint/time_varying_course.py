@@ -15,28 +15,29 @@ from ankleloop.joint.regressors import Grid
 from ankleloop.quantities import QUANTITIES
 from ankleloop.trials.group_files import Fields
 
-MARGIN = 0.75  # s at either end of a record that responses and filters touch
+RECORD_MARGIN = 0.75  # s at either end of a record that responses and filters touch
 FEWEST_CYCLES = 8
-SEGMENT = 1.0  # s: segments of a record without cycles, which count as independent
-OUTSIDE = (
-    0.02  # share of the samples at either end of a scheduling variable that lie beyond its range
-)
-UNEVEN = 1.8  # ratio of a cycle to the median one, or of that to a cycle: an onset is missing, or one too many
+SEGMENT_LENGTH = 1.0  # s: segments of a record without cycles, which count as independent
+# Share of the samples of a scheduling variable that lie beyond its range, at either end.
+SHARE_BEYOND_RANGE = 0.02
+# Of a cycle to the median one, or of that to a cycle: beyond it an onset is missing, or one too many.
+LARGEST_CYCLE_RATIO = 1.8
 SAME_PHASE = 1e-4
-COMMON = (
-    0.5  # share of its fast changes that a scheduling variable may have in common with the position
-)
-FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
+# Share of its fast changes that a scheduling variable may have in common with the position.
+LARGEST_COMMON_SHARE = 0.5
+PHASE_FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
 NO_VARIABLE = (
     "Name one of these, or read another one with the trial: variables of read_trial, a further "
     "array of new_trial."
 )
+# Unit and name of what parameters vary with.
 COORDINATES = {
     "phase": ("1", "phase of the cycle"),
     "time": ("s", "time from the first sample"),
     "schedule": ("", "scheduling variable"),
 }
-NAMES = ("K", "B", "G", "I")
+TRAJECTORIES = ("K", "B", "G", "I")  # I where it varies
+# Names of a trajectory and of the ends of its band, by what follows the symbol of the parameter.
 ENDS = {
     "": "{}",
     "_low": "lower end of the 95 % band of the {}",
@@ -55,9 +56,8 @@ class Course:
     rows: slice  # samples that count; they are whole segments
     # Shape (rows,): number of the cycle, or of the segment of a record without cycles, of each of them.
     segment: np.ndarray
-    since: (
-        np.ndarray
-    )  # shape (rows,): samples since the onset of the cycle; of the segment, without cycles
+    # Shape (rows,): samples since the onset of the cycle; of the segment, without cycles.
+    since: np.ndarray
 
     @property
     def periodic(self) -> bool:
@@ -72,12 +72,11 @@ class Course:
     @cached_property
     def equal_cycles(self) -> int:
         """Samples of each cycle where all have the same number and phases, else 0."""
+        if not self.periodic:
+            return 0
         sizes = np.bincount(self.segment)
-        if (
-            not self.periodic
-            or np.ptp(sizes) > 0
-            or np.ptp(self.place[self.rows][:: sizes[0]]) > SAME_PHASE
-        ):
+        first_phases = self.place[self.rows][:: sizes[0]]
+        if np.ptp(sizes) > 0 or np.ptp(first_phases) > SAME_PHASE:
             return 0
         return int(sizes[0])
 
@@ -87,21 +86,7 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
 
     Shapes: returns (cycles,).
     """
-    time = trial.time
-    if isinstance(onsets, str):
-        trial.check_variable(onsets, "for cycle_onsets", NO_VARIABLE)
-        phase = trial.samples[onsets]
-        if phase.min() < -1e-6 or phase.max() > 1 + 1e-6:
-            raise DataError(
-                f"{onsets} goes from {phase.min():.3g} to {phase.max():.3g}, and the phase of a cycle goes from 0 to "
-                "1: give the onsets of the cycles in seconds, or a variable with the phase."
-            )
-        starts = np.flatnonzero(np.diff(phase) < FALL) + 1
-        # The phase tells where between two samples the cycle began.
-        slope = np.median(np.diff(phase)[np.diff(phase) > 0]) * trial.rate if starts.size else 1.0
-        values = time[starts] - phase[starts] / slope
-    else:
-        values = np.asarray(onsets, dtype=float)
+    values = _read_onsets(trial, onsets)
     if values.ndim != 1 or values.size < 2:
         raise DataError(
             "there are fewer than two onsets of cycles: give the start of every cycle in seconds."
@@ -114,22 +99,45 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
             "those that are there twice or are no times."
         )
     cycle = float(np.median(durations))
-    beyond = values[0] < time[0] - 1.5 * cycle or values[-1] > time[-1] + 1.5 * cycle
-    missing = values[0] > time[0] + 2.5 * cycle or values[-1] < time[-1] - 2.5 * cycle
-    if (beyond and missing) or cycle > time[-1] - time[
-        0
-    ]:  # those of a whole trial cover its segments
-        raise DataError(
-            f"the onsets go from {values[0]:g} to {values[-1]:g} s, the record from {time[0]:g} to {time[-1]:g} s: "
-            "give them in seconds of the record, not milliseconds or samples; a segment keeps the times of its trial."
-        )
+    _check_onset_times(values, cycle, *trial.time[[0, -1]].tolist())
     k = int(np.argmax(np.abs(np.log(durations / cycle))))
-    if not cycle / UNEVEN <= durations[k] <= cycle * UNEVEN:
+    if not cycle / LARGEST_CYCLE_RATIO <= durations[k] <= cycle * LARGEST_CYCLE_RATIO:
         raise DataError(
             f"the cycle that begins at {values[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} s: "
             "is an onset missing there, or one too many? Mend the onsets, or cut the record to cycles of one kind."
         )
     return values
+
+
+def _read_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarray:
+    """Onsets as they are given [s]; where a variable holds the phase, it tells where between two samples they are."""
+    if not isinstance(onsets, str):
+        return np.asarray(onsets, dtype=float)
+    trial.check_variable(onsets, "for cycle_onsets", NO_VARIABLE)
+    phase = trial.samples[onsets]
+    if phase.min() < -1e-6 or phase.max() > 1 + 1e-6:
+        raise DataError(
+            f"{onsets} goes from {phase.min():.3g} to {phase.max():.3g}, and the phase of a cycle goes from 0 to "
+            "1: give the onsets of the cycles in seconds, or a variable with the phase."
+        )
+    steps = np.diff(phase)
+    starts = np.flatnonzero(steps < PHASE_FALL) + 1
+    if not starts.size:
+        return np.empty(0)
+    slope = np.median(steps[steps > 0]) * trial.rate
+    return trial.time[starts] - phase[starts] / slope
+
+
+def _check_onset_times(onsets: np.ndarray, cycle: float, first: float, last: float) -> None:
+    """Refuse onsets that are not those of a record, from its first to its last time [s]."""
+    beyond = onsets[0] < first - 1.5 * cycle or onsets[-1] > last + 1.5 * cycle
+    missing = onsets[0] > first + 2.5 * cycle or onsets[-1] < last - 2.5 * cycle
+    # Onsets of a whole trial cover its segments.
+    if (beyond and missing) or cycle > last - first:
+        raise DataError(
+            f"the onsets go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {first:g} to {last:g} s: "
+            "give them in seconds of the record, not milliseconds or samples; a segment keeps the times of its trial."
+        )
 
 
 def make_course(
@@ -138,22 +146,27 @@ def make_course(
     """Course of a trial: over cycles if their onsets are known, over a scheduling variable, or over time."""
     if onsets is not None:
         return _follow_cycles(trial, grid, find_onsets(trial, onsets))
-    values, rate = course_values(trial, grid, schedule), trial.rate / grid.factor
-    length, margin = round(SEGMENT * rate), round(MARGIN * rate)
-    count = (values.size - 2 * margin) // length
-    if count < FEWEST_CYCLES:
-        raise DataError(
-            f"the record is too short: riv-tv without cycles needs {FEWEST_CYCLES * SEGMENT + 2 * MARGIN:g} s."
-        )
-    number = np.arange(count * length)
+    values = course_values(trial, grid, schedule)
+    rate = trial.rate / grid.factor
+    length = round(SEGMENT_LENGTH * rate)
+    margin = round(RECORD_MARGIN * rate)
+    segments = (values.size - 2 * margin) // length
+    if segments < FEWEST_CYCLES:
+        least = FEWEST_CYCLES * SEGMENT_LENGTH + 2 * RECORD_MARGIN
+        raise DataError(f"the record is too short: riv-tv without cycles needs {least:g} s.")
+    number = np.arange(segments * length)
     rows = slice(margin, margin + number.size)
     if schedule is None:
-        dimension, limits = "time", (float(values[rows.start]), float(values[rows.stop - 1]))
+        low, high = values[[rows.start, rows.stop - 1]].tolist()
     else:
-        dimension, limits = "schedule", _schedule_limits(trial, grid, schedule, rows)
-    place = (values - limits[0]) / (limits[1] - limits[0])
+        low, high = _schedule_limits(trial, grid, schedule, rows)
     return Course(
-        dimension, np.clip(place, 0.0, 1.0), limits, rows, number // length, number % length
+        dimension="time" if schedule is None else "schedule",
+        place=np.clip((values - low) / (high - low), 0.0, 1.0),
+        limits=(low, high),
+        rows=rows,
+        segment=number // length,
+        since=number % length,
     )
 
 
@@ -162,23 +175,25 @@ def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cour
 
     Shapes: onsets (cycles + 1,).
     """
-    time, half = trial.grid_times(grid), 0.5 / trial.rate
-    edges = onsets[(onsets >= time[0] + MARGIN - half) & (onsets <= time[-1] - MARGIN + half)]
+    time = trial.grid_times(grid)
+    half = 0.5 / trial.rate
+    first_time = time[0] + RECORD_MARGIN - half
+    last_time = time[-1] - RECORD_MARGIN + half
+    edges = onsets[(onsets >= first_time) & (onsets <= last_time)]
     if edges.size - 1 < FEWEST_CYCLES:
         raise DataError(
-            f"too few whole cycles lie more than {MARGIN:g} s within the record: {max(edges.size - 1, 0)} with onsets "
-            f"from {onsets[0]:g} to {onsets[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles."
+            f"too few whole cycles lie more than {RECORD_MARGIN:g} s within the record: {max(edges.size - 1, 0)} with "
+            f"onsets from {onsets[0]:g} to {onsets[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles."
         )
-    first, stop = np.searchsorted(time, edges[[0, -1]] - half)
-    segment = np.searchsorted(edges, time[first:stop] + half, side="right") - 1
-    since = np.arange(segment.size) - np.searchsorted(segment, segment)
+    start, stop = np.searchsorted(time, edges[[0, -1]] - half).tolist()
+    cycle = np.searchsorted(edges, time[start:stop] + half, side="right") - 1
     return Course(
-        "phase",
-        cycle_place(time, onsets, half),
-        (0.0, 1.0),
-        slice(int(first), int(stop)),
-        segment,
-        since,
+        dimension="phase",
+        place=cycle_place(time, onsets, half),
+        limits=(0.0, 1.0),
+        rows=slice(start, stop),
+        segment=cycle,
+        since=np.arange(cycle.size) - np.searchsorted(cycle, cycle),
     )
 
 
@@ -210,18 +225,21 @@ def _schedule_limits(
     Second differences leave movements of a second or longer out.
     """
     values = trial.channel(name, grid)
-    low, high = np.quantile(values[rows], [OUTSIDE, 1.0 - OUTSIDE]).tolist()
+    quantiles = [SHARE_BEYOND_RANGE, 1.0 - SHARE_BEYOND_RANGE]
+    low, high = np.quantile(values[rows], quantiles).tolist()
     if not high - low > 1e-9 * max(abs(low), abs(high)):
         raise DataError(
             f"{name} does not vary between its 2nd and 98th percentile: a scheduling variable has to. Name another "
             "one, or leave out schedule for changes over time."
         )
-    for channel in (name for name in ("position", "reference") if name in trial.trial):
+    changes = np.diff(values, 2)
+    for channel in ("position", "reference"):
+        if channel not in trial.trial:
+            continue
         with np.errstate(invalid="ignore"):  # a signal without such changes has no correlation
-            share = (
-                np.corrcoef(np.diff(values, 2), np.diff(trial.channel(channel, grid), 2))[0, 1] ** 2
-            )
-        if share > COMMON:
+            correlation = np.corrcoef(changes, np.diff(trial.channel(channel, grid), 2))[0, 1]
+        share = correlation**2
+        if share > LARGEST_COMMON_SHARE:
             raise DataError(
                 f"{name} follows the perturbation: {100 * share:.0f} % of its fast changes are those of the {channel}. "
                 "It takes their effect out of the torque. Give its slow part, filtered below about 1 Hz."
@@ -239,32 +257,36 @@ def trajectory_dataset(
     Shapes: coordinate (places,), values (places,).
     """
     variables = {}
-    for name in NAMES:
-        for end, text in ENDS.items() if name in values else ():
-            attributes = {
-                "units": QUANTITIES[name].unit,
-                "long_name": text.format(QUANTITIES[name].name),
-            }
+    for name in TRAJECTORIES:
+        if name not in values:
+            continue
+        quantity = QUANTITIES[name]
+        for end, text in ENDS.items():
+            attributes = {"units": quantity.unit, "long_name": text.format(quantity.name)}
             variables[name + end] = (dimension, values[name + end], attributes)
     unit, long_name = COORDINATES[dimension]
     attributes = {
         "units": schedule.get("variable_unit") or unit,
         "long_name": schedule.get("variable") or long_name,
     }
-    stated = {name: text for name, text in schedule.items() if text}
-    return xr.Dataset(variables, {dimension: (dimension, coordinate, attributes)}, stated)
+    known = {name: text for name, text in schedule.items() if text}
+    return xr.Dataset(variables, {dimension: (dimension, coordinate, attributes)}, known)
 
 
 def read_trajectories(fields: Fields) -> xr.Dataset:
     """Trajectories whose values a file holds."""
     dimension = next((name for name in COORDINATES if name in fields.values), "time")
     coordinate = fields.array(dimension)
-    names = [name + end for name in NAMES for end in ENDS if name != "I" or name in fields.values]
-    values = {name: fields.array(name, coordinate.size, finite=False) for name in names}
-    stated = {
+    values = {}
+    for name in TRAJECTORIES:
+        if name == "I" and name not in fields.values:
+            continue
+        for end in ENDS:
+            values[name + end] = fields.array(name + end, coordinate.size, finite=False)
+    schedule = {
         name: fields.text(name) for name in ("variable", "variable_unit") if name in fields.values
     }
-    return trajectory_dataset(dimension, coordinate, values, **stated)
+    return trajectory_dataset(dimension, coordinate, values, **schedule)
 
 
 @dataclass(frozen=True)
@@ -277,17 +299,15 @@ class Splines:
 
     def __call__(self, place: np.ndarray) -> np.ndarray:
         """Values of the splines at places, shape (N, size); beyond 0 … 1 those at the next end."""
-        from scipy.interpolate import (
-            BSpline,
-        )  # here, because its import takes time and only such joints need it
+        # Here, because its import takes time and only such joints need it.
+        from scipy.interpolate import BSpline
 
         intervals = self.size if self.periodic or self.degree == 0 else self.size - 3
         knots = np.arange(-self.degree, intervals + self.degree + 1.0)
         scaled = np.clip(place, 0.0, 1.0) * intervals
         values = BSpline.design_matrix(scaled, knots, self.degree).toarray()
-        values[:, : values.shape[1] - self.size] += values[
-            :, self.size :
-        ]  # those beyond the end of a period
+        beyond = values[:, self.size :]  # the end of a period
+        values[:, : beyond.shape[1]] += beyond
         return values[:, : self.size]
 
     @cached_property
@@ -295,8 +315,10 @@ class Splines:
         """Sum of the squares of second differences of the coefficients as a matrix; none for indicators."""
         if self.degree == 0:
             return np.zeros((self.size,) * 2)
-        unit = np.eye(self.size)
-        differences = np.diff(np.vstack([unit, unit[:2]]) if self.periodic else unit, 2, axis=0)
+        coefficients = np.eye(self.size)
+        if self.periodic:
+            coefficients = np.vstack([coefficients, coefficients[:2]])
+        differences = np.diff(coefficients, 2, axis=0)
         return differences.T @ differences
 
     @property

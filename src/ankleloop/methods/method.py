@@ -12,6 +12,7 @@ from pydantic import model_validator
 
 from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
+from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate, with_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.options import Options, option
@@ -21,7 +22,6 @@ Trial = xr.Dataset | PreparedTrial
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
 INPUTS = {"delay", "degree", "identification_rate"}  # options that regressors are made by
 POSITION = {"reference": "position"}  # options of a method that needs a reference, in open loop
-SPLINE_DEGREE = 4  # least degree of cubic splines
 
 
 class MethodOptions(Options):
@@ -45,7 +45,7 @@ class KnownDelayOptions(MethodOptions):
 class BasisOptions(MethodOptions):
     """Options of methods that have several static nonlinearities."""
 
-    basis: Literal["chebyshev", "rectifier", "spline"] | None = option(
+    basis: Literal[tuple(BASES)] | None = option(  # type: ignore[valid-type]
         None,
         "basis of the static nonlinearity; null for the method's own: the rectifier in riv, else chebyshev",
     )
@@ -55,9 +55,10 @@ class BasisOptions(MethodOptions):
 
     @model_validator(mode="after")
     def _check_degree(self) -> Self:
-        if self.basis == "spline" and self.degree < SPLINE_DEGREE:
+        least = 1 if self.basis is None else BASES[self.basis].least_degree
+        if self.degree < least:
             raise ValueError(
-                f"degree: a cubic spline basis needs a degree of at least {SPLINE_DEGREE}, got {self.degree}."
+                f"degree: a {self.basis} basis needs a degree of at least {least}, got {self.degree}."
             )
         return self
 

@@ -12,8 +12,9 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from pydantic import model_validator
 
+from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, fit_basis, separate_path
+from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, separate_path
 from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors
@@ -57,7 +58,6 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
 }
 # Options that mean the same there.
 SHARED_OPTIONS = {"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}
-POLYNOMIAL = "the reflex is a polynomial of the velocity: of a rectified one, five terms make G 13 to 21 % too large."
 
 
 class MoespOptions(KnownDelayOptions, BasisOptions):
@@ -171,7 +171,7 @@ def _make_regressors(
     inputs["basis"] = options.basis or "chebyshev"
     if len(trials) > 1:
         velocity = np.concatenate([trial.velocity(options.delay) for trial in trials])
-        inputs["basis"] = fit_basis(velocity, inputs["basis"], options.degree)
+        inputs["basis"] = BASES[inputs["basis"]].fit(velocity, options.degree)
     if options.omitted_step in get_args(InputStep):
         inputs["omitted_step"] = options.omitted_step
     return [trial.regressors(**inputs) for trial in trials]
@@ -266,8 +266,8 @@ def _describe_fit(
     """Diagnostics of a model, which all merged trials have alike."""
     diagnostics = {"singular_values": model.singular_values, **model.diagnostics}
     diagnostics |= path.diagnostics
-    if options.basis in (None, "chebyshev"):
-        diagnostics["assumptions"] = [POLYNOMIAL]
+    if path.basis.caution:
+        diagnostics["assumptions"] = [path.basis.caution]
     reference = _find_reference(member, options)
     if reference is not None:
         diagnostics["reference"] = reference

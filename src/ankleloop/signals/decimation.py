@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
+from ankleloop.kernels import as_samples, kernel
 
 # Fractions of the identification rate: for 100 Hz data, flat to 38 Hz and zero from the Nyquist frequency of 50 Hz on.
 PASSBAND = 0.38
@@ -118,7 +118,7 @@ def convolve_strided(
 
     Shapes: x (N,), taps (M,); returns (count,).
     """
-    rows = np.ascontiguousarray(x.reshape(-1, x.shape[-1]))
+    rows = as_samples(x.reshape(-1, x.shape[-1]))
     weights = np.ascontiguousarray(taps[::-1])
     samples = _sum_products(rows, weights, start, stride, count)
     return samples.reshape(*x.shape[:-1], count)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
+from ankleloop.kernels import as_samples, kernel
 from ankleloop.options import check_integer
 
 COLUMNS_AT_ONCE = 2048
@@ -103,7 +103,7 @@ def hankel_gram(
         return np.zeros((window * channels, window * channels))
     if lags is None:
         lags = np.full(channels, window)
-    products = _sum_lagged_products(np.ascontiguousarray(x), columns, lags, window)
+    products = _sum_lagged_products(as_samples(x), columns, lags, window)
     head = x[: window - 1]
     tail = x[columns:]
     means = np.zeros(window * channels)

@@ -245,7 +245,7 @@ def test_identify_several_files(run, trial, tmp_path):
         ),
         (
             ["--option", "riv.basis=spline", "--option", "riv.degree=3"],
-            "riv → options: degree: a cubic spline basis needs a degree of at least 4, got 3.",
+            "riv → options: degree: a spline basis needs a degree of at least 4, got 3.",
         ),
         (["--delay", "soon"], "riv → options → delay: must be a finite number"),
     ],

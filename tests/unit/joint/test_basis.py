@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from ankleloop.errors import DataError
-from ankleloop.joint.hammerstein import fit_basis
+from ankleloop.joint.bases import BASES
+from ankleloop.methods.method import BasisOptions
 
 VELOCITY = np.random.default_rng(0).standard_normal(4000)
 
 
 @pytest.mark.parametrize("degree", [1, 2, 5, 12])
 def test_chebyshev_terms_against_the_recurrence_of_the_paper_and_the_cosine(degree):
-    basis = fit_basis(VELOCITY, "chebyshev", degree)
+    basis = BASES["chebyshev"].fit(VELOCITY, degree)
     x = VELOCITY / np.max(np.abs(VELOCITY))
     expected = [np.ones_like(x), x]  # the constant of Eq. 10, which the basis does not have
     while len(expected) <= degree:
@@ -24,14 +25,14 @@ def test_chebyshev_terms_against_the_recurrence_of_the_paper_and_the_cosine(degr
 
 
 def test_rectifier():
-    basis = fit_basis(VELOCITY, "rectifier", 5)
+    basis = BASES["rectifier"].fit(VELOCITY, 5)
     np.testing.assert_array_equal(basis(VELOCITY), [np.where(VELOCITY > 0, VELOCITY, 0.0)])
     assert basis.names == ("rectified_velocity",)
 
 
 @pytest.mark.parametrize("degree", [4, 5, 8, 12])
 def test_splines_contain_every_cubic_and_are_independent(degree):
-    basis = fit_basis(VELOCITY, "spline", degree)
+    basis = BASES["spline"].fit(VELOCITY, degree)
     terms = basis(VELOCITY)
     assert terms.shape == (degree, VELOCITY.size)
     centred = (terms - terms.mean(axis=1, keepdims=True)).T
@@ -49,15 +50,34 @@ def test_splines_contain_every_cubic_and_are_independent(degree):
 
 
 def test_a_spline_is_constant_beyond_the_velocities_of_its_fit():
-    basis = fit_basis(VELOCITY, "spline", 6)
+    basis = BASES["spline"].fit(VELOCITY, 6)
     ends = np.array([VELOCITY.min(), VELOCITY.max()])
     np.testing.assert_array_equal(basis(2 * ends), basis(ends))
 
 
 def test_velocities_without_variation_are_refused():
     with pytest.raises(DataError, match="zero throughout"):
-        fit_basis(np.zeros(10), "rectifier", 1)
+        BASES["rectifier"].fit(np.zeros(10), 1)
     with pytest.raises(DataError, match="too few values"):
-        fit_basis(np.sign(VELOCITY), "spline", 6)
-    with pytest.raises(ValueError, match="degree of at least 4"):
-        fit_basis(VELOCITY, "spline", 3)
+        BASES["spline"].fit(np.sign(VELOCITY), 6)
+
+
+@pytest.mark.parametrize("kind", BASES)
+def test_what_every_basis_says_of_itself(kind):
+    """Names and functions are as many as its degree, its limits are those of the velocity, and options know it."""
+    basis = BASES[kind].fit(VELOCITY, 6)
+    assert basis.kind == kind
+    assert len(basis.names) == basis.degree == BASES[kind].count_terms(6)
+    assert basis(VELOCITY).shape == (basis.degree, VELOCITY.size)
+    low, high = basis.limits
+    assert low <= VELOCITY.min() < VELOCITY.max() <= high
+    assert np.isin([low, high], [*VELOCITY, *-VELOCITY]).all()
+    assert np.mean(basis.quantiles[100] > VELOCITY) == pytest.approx(0.5, abs=0.01)
+    assert BasisOptions(basis=kind).basis == kind
+    least = BASES[kind].least_degree
+    assert BASES[kind].fit(VELOCITY, least)(VELOCITY).shape[0] == least
+
+
+def test_options_name_the_bases_that_there_are():
+    with pytest.raises(ValueError, match="'chebyshev', 'rectifier' or 'spline'"):
+        BasisOptions(basis="sigmoid")

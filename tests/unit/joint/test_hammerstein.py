@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop import DataError, identify, simulate
+from ankleloop.joint.bases import BASES
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, fit_basis, separate_path
+from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, separate_path
 from ankleloop.subspace.matrices import Matrices
 
 RATE = 100.0
@@ -26,7 +27,7 @@ def test_a_hammerstein_system_is_separated_exactly(terms, seed):
     """Coefficients are those of the system, whatever the correlation of the basis functions."""
     rng = np.random.default_rng(seed)
     velocity = band_limited_noise(rng, 4000, 20.0)
-    basis = fit_basis(velocity, "chebyshev", terms)
+    basis = BASES["chebyshev"].fit(velocity, terms)
     truth = rng.standard_normal(terms)
     A, b, C, d = ReflexDynamics(30.0, 0.7).matrices(RATE)
     matrices = Matrices(A, b * truth, C, d * truth, 1 / RATE)
@@ -40,7 +41,7 @@ def test_a_hammerstein_system_is_separated_exactly(terms, seed):
 def test_two_systems_have_a_low_rank_one_share():
     rng = np.random.default_rng(1)
     inputs = rng.standard_normal((4000, 2))
-    basis, spectra = fit_basis(inputs[:, 0], "chebyshev", 2), DriveSpectra.of(inputs, RATE)
+    basis, spectra = BASES["chebyshev"].fit(inputs[:, 0], 2), DriveSpectra.of(inputs, RATE)
     slow, fast = (ReflexDynamics(omega, 0.7).matrices(RATE) for omega in (10.0, 60.0))
     A = np.block([[slow[0], np.zeros((2, 2))], [np.zeros((2, 2)), fast[0]]])
     B = np.block([[slow[1], np.zeros((2, 1))], [np.zeros((2, 1)), fast[1]]])
@@ -55,7 +56,7 @@ def test_two_systems_have_a_low_rank_one_share():
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_gain_and_threshold_of_a_rectifier(threshold, sign):
     velocity = np.random.default_rng(2).standard_normal(20_000)
-    basis = fit_basis(velocity, "spline", 20)
+    basis = BASES["spline"].fit(velocity, 20)
     torque = sign * 5.0 * np.maximum(velocity - threshold, 0.0)
     design = basis(velocity)
     coefficients = np.linalg.lstsq(

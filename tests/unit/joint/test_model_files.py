@@ -96,6 +96,10 @@ def rewrite(path, change):
             r"unknown kind of model 'oracle'; known: state-space, ",
         ),
         (
+            lambda g: g | {"model": g["model"].assign_attrs(basis="sigmoid")},
+            r"unknown basis 'sigmoid'; known: chebyshev, rectifier, spline",
+        ),
+        (
             lambda g: g | {"model": g["model"].assign(A=np.nan * g["model"]["A"])},
             r"e.nc: not .*'A' is not finite",
         ),

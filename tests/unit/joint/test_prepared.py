@@ -1,5 +1,6 @@
 """A prepared trial: methods and scores share its values, and give exactly the results that they give alone."""
 
+import numpy as np
 import pytest
 
 from ankleloop import identify, simulate
@@ -34,3 +35,57 @@ def test_options_do_not_mix(trials):
         assert identify(shared, "parallel-cascade", **cascade) == identify(
             trials[0], "parallel-cascade", **cascade
         )
+
+
+# --- editing
+
+
+def regressors_of(trial):
+    return trial.regressors(
+        delay=0.04, basis="spline", degree=5, identification_rate=100.0, reference="reference"
+    )
+
+
+def test_a_prepared_trial_cannot_be_edited_and_keeps_its_estimate(trials):
+    data = trials[0].copy(deep=True)
+    prepared = prepare(data)
+    before = identify(prepared, "pr-moesp")
+    for name in data.data_vars:
+        with pytest.raises(ValueError, match="read-only"):
+            prepared.trial[name].values[:] *= 2
+        with pytest.raises(ValueError, match="read-only"):
+            prepared.samples[name][0] = 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        prepared.time[0] = 0.0
+    assert prepared.trial.identical(trials[0])
+    assert identify(prepared, "pr-moesp") == before
+
+
+@pytest.mark.parametrize(
+    "compute",
+    [
+        lambda trial: trial.velocity(0.04),
+        lambda trial: trial.channel("torque", trial.grid(100.0, 0.04)),
+        lambda trial: trial.motion(trial.grid(100.0, 0.04))[1],
+        lambda trial: regressors_of(trial).inputs,
+        lambda trial: regressors_of(trial).torque,
+        lambda trial: regressors_of(trial).time,
+        lambda trial: regressors_of(trial).reference,
+        lambda trial: regressors_of(trial).centred[1],
+        lambda trial: regressors_of(trial).basis.knots,
+        lambda trial: trial.predict_inputs(regressors_of(trial)),
+    ],
+)
+def test_what_a_prepared_trial_computes_cannot_be_edited(trials, compute):
+    prepared = prepare(trials[0])
+    with pytest.raises(ValueError, match="read-only"):
+        compute(prepared)[0] = 0.0
+
+
+def test_samples_are_shared_with_the_data_set_which_stays_the_users(trials):
+    data = trials[0].copy(deep=True)
+    prepared = prepare(data)
+    assert np.shares_memory(prepared.samples["position"], data["position"].values)
+    data["position"].values[:] *= 2.0
+    data.attrs["seed"] = 7
+    assert prepared.trial.attrs["seed"] == 1

@@ -116,7 +116,7 @@ def test_candidates_that_fail_are_reported(trial):
         (
             {"select": {"basis": ["rectifier", "spline"], "degree": [5, 3]}},
             ValueError,
-            "^select: method 'pr-moesp': degree: a cubic spline basis needs a degree of at least 4",
+            "^select: method 'pr-moesp': degree: a spline basis needs a degree of at least 4",
         ),
         (
             {"select": {"order": [2, 6]}, "block_rows": 5},

@@ -70,7 +70,7 @@ TABLE1 = ("studies", "table1")
         (
             METHOD,
             {"method": "riv", "options": {"basis": "spline", "degree": 3}},
-            "a → options: degree: a cubic spline basis needs a degree of at least 4, got 3",
+            "a → options: degree: a spline basis needs a degree of at least 4, got 3",
         ),
         (
             METHOD,

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ankleloop.checks.course import check_slow_movement, refuse_locked_perturbation
+from ankleloop.joint.bases import RectifierBasis
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.hammerstein import fit_basis
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import trajectory_dataset
@@ -99,7 +99,7 @@ def _estimate(
     schedule = {"variable": options.schedule or "", "variable_unit": unit}
     delay, dynamics, means = solution.delay, parameters.dynamics, solution.means
     inputs = ModelInputs(
-        fit_basis(trial.velocity(delay), "rectifier", 1), delay, equations.rate, trial.rate
+        RectifierBasis.fit(trial.velocity(delay), 1), delay, equations.rate, trial.rate
     )
     variable = options.schedule or (
         options.cycle_onsets if isinstance(options.cycle_onsets, str) else None
