@@ -40,7 +40,7 @@ def make_study(
 ) -> RecordedStudy:
     """The study of one recording, which the workflow would make of it, with options by [METHOD.]NAME."""
     changing = "riv-tv" in methods or recording.changes
-    usual = usual_methods(reference=recording.reference is not None, changing=changing)
+    usual = usual_methods(reference="reference" in recording.channels, changing=changing)
     chosen = {key: method for key, method in usual.items() if not methods or key in methods}
     for option, value in (options or {}).items():
         _set_option(chosen, option, value)

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import as_text
+from ankleloop.trials.contents import as_text
 from ankleloop.trials.files import PathLike, UnreadableError, atomic_file, write_netcdf
 from ankleloop.trials.reading_process import readable_file
 

@@ -158,7 +158,7 @@ def test_the_process_ends_with_its_program(tmp_path):
     good = write_mat(tmp_path / "a.mat")
     script = f"""
         from ankleloop.trials import reading_process
-        reading_process.list_variables({str(good)!r})
+        reading_process.find_channels({str(good)!r}, None, {{"torque": None}})
         print(reading_process._reader[0].pid)
     """
     command = [sys.executable, "-W", "error", "-c", textwrap.dedent(script)]
