@@ -40,7 +40,8 @@ class Hdf5Contents(Contents):
         node = self._resolve(name)
         if not _is_variable(node):
             return None
-        if node.is_virtual or node.external or node.file.filename != self._file.filename:
+        is_elsewhere = h5py.h5f.get_name(node.id) != h5py.h5f.get_name(self._file.id)
+        if is_elsewhere or node.is_virtual or node.external:
             raise DataError(
                 f"{self.path.name}: the samples of {name} are in other files: copy them into one file, for example by "
                 "h5repack or with MATLAB."
@@ -49,12 +50,14 @@ class Hdf5Contents(Contents):
         return Variable(name, shape, partial(node.__getitem__, ...), node.attrs)
 
     def names(self) -> Iterator[str]:
-        """Full names of the variables; MATLAB's internals, #refs# and #subsystem#, are left out."""
+        """Full names of the variables."""
+        return (path for path in self.paths() if _is_variable(self._resolve(path)))
+
+    def paths(self) -> list[str]:
+        """Full names of variables and groups; MATLAB's internals, #refs# and #subsystem#, are left out."""
         paths: list[str] = []
         self._file.visit(paths.append)
-        for path in paths:
-            if not path.startswith("#") and _is_variable(self._file[path]):
-                yield path.replace("/", self.separator)
+        return [path.replace("/", self.separator) for path in paths if not path.startswith("#")]
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, a group, or of the file, whose name is empty."""
@@ -224,18 +227,14 @@ def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> FlbCase:
     samples = content[start:end].view(FLB_TYPES[kind]).reshape(len(names), length)
     variables = []
     for row, name in enumerate(names):
-        scale = _scale_of(ranges[:, row % channels]) if kind == -2 else {}
-        variables.append(Variable(name, (length,), samples[row].view, scale))
+        low, high = ranges[:, row % channels]
+        scale = {"scale_factor": (high - low) / FLB_LEVELS, "add_offset": low}
+        attributes = scale if kind == -2 else {}
+        variables.append(Variable(name, (length,), samples[row].view, attributes))
     rate = _rate_of(interval)
     duration = length / rate
     text = f"case {number}: {', '.join(names)}, {duration:.4g} s at {rate:g} Hz, {comment[:60]!r}"
     return FlbCase(variables, rate, text)
-
-
-def _scale_of(limits: np.ndarray) -> dict[str, float]:
-    """Attributes that scale the samples of a channel to its range."""
-    low, high = limits
-    return {"scale_factor": (high - low) / FLB_LEVELS, "add_offset": low}
 
 
 def _rate_of(interval: float) -> float:

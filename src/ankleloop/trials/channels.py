@@ -50,29 +50,28 @@ OTHER_WORDS |= {"unit", "units", "name", "label"}
 def find_names(contents: Contents, variables: Mapping[str, str | None]) -> dict[str, str]:
     """Names in the file by role: those that are stated, and of channels without one those that say the channel."""
     taken = {name.lstrip("/") for name in variables.values() if name is not None}
+    paths = list(dict.fromkeys(contents.paths())) if None in variables.values() else []
     names = {}
     for role, stated in variables.items():
-        name = _find_channel(role, contents, taken) if stated is None else stated
+        name = stated
+        if stated is None and role not in (*paths, *taken) and contents.find(role) is not None:
+            name = role  # a link of HDF5, which is no path
+        elif stated is None:
+            name = _find_channel(role, contents, [path for path in paths if path not in taken])
         if name is not None:
             taken.add(name)
             names[role] = name
     return names
 
 
-def _find_channel(channel: str, contents: Contents, taken: set[str]) -> str | None:
-    """The only variable whose name says a channel, and that is nothing else of the trial; None without a reference.
+def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str | None:
+    """The only one of some names of variables that says a channel; None if none says that it is the reference.
 
     A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `CHANNEL_WORDS`:
     `ankle_angle` and `AnkleAngle` are positions, `angle_command` is a reference.
     """
-    names = list(dict.fromkeys(contents.names()))
-    # Links of HDF5 are not listed.
-    if channel not in (*names, *taken) and contents.find(channel) is not None:
-        return channel
     fitting = [
-        name
-        for name in names
-        if name not in taken and _channel_of(name) == channel and _has_samples(contents, name)
+        name for name in names if _channel_of(name) == channel and _has_samples(contents, name)
     ]
     source = contents.path.name
     if len(fitting) > 1:

@@ -99,6 +99,10 @@ class Contents:
         """Full names of the variables."""
         return [variable.name for variable in self.variables if variable.name]
 
+    def paths(self) -> Iterable[str]:
+        """Full names of the variables, and of what may stand beside them, as groups."""
+        return self.names()
+
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, a group, or of the file, whose name is empty."""
         return {}

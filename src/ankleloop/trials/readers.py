@@ -83,7 +83,9 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     """
     path = check_path("read_trial", "path", path)
     options = parse_options("read_trial", path.name, mapping)
-    variables = read_channels(path, options.case, options.names, options.sampling_rate)
+    variables = read_channels(
+        path, options.case, variables=options.names, rate=options.sampling_rate
+    )
     position = variables["position"]
     unit = options.position_unit or find_position_unit(position.name, position.unit) or "rad"
     options = options.model_copy(update={"position_unit": unit})

@@ -86,20 +86,17 @@ class ReadingOptions(Options):
         return self
 
     @property
-    def channels(self) -> dict[str, str]:
-        """Names of the variables in the file by channel, where they are stated."""
-        names = {channel: getattr(self, channel) for channel in CHANNELS}
-        return {
-            channel: name for channel, name in names.items() if name not in (None, NO_REFERENCE)
-        }
-
-    @property
     def names(self) -> dict[str, str | None]:
         """Names of all variables in the file by their names in the trial; None where they are to be found."""
-        names: dict[str, str | None] = {"position": self.position, "torque": self.torque}
-        if self.reference != NO_REFERENCE:
-            names["reference"] = self.reference
-        return {**names, **self.further}
+        channels = {channel: getattr(self, channel) for channel in CHANNELS}
+        if self.reference == NO_REFERENCE:
+            del channels["reference"]
+        return {**channels, **self.further}
+
+    @property
+    def channels(self) -> dict[str, str]:
+        """Names of the variables in the file by channel, where they are stated."""
+        return {role: name for role, name in self.names.items() if name and role in CHANNELS}
 
     @property
     def further(self) -> dict[str, str]:

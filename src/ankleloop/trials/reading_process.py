@@ -59,26 +59,20 @@ ENDS = {
 def find_channels(
     path: PathLike, case: int | None, names: Mapping[str, str | None]
 ) -> dict[str, Variable]:
-    """Find the variables of a trial in a file of any size, without their samples.
+    """Find the variables of a trial in a file of any size by role, without their samples.
 
     `names` are those in the file by role, None where they are to be found, as `channels.find_names` does.
     """
-    return _ask_for_channels("find", path, case, variables=names)
+    return read_channels(path, case, "find", variables=names)
 
 
 def read_channels(
-    path: PathLike, case: int | None, names: Mapping[str, str | None], rate: float | None
+    path: PathLike, case: int | None, task: str = "read", **wanted: Any
 ) -> dict[str, Variable]:
     """Read the variables of a trial from a file by role, with its times and its sampling rates.
 
-    `rate` [Hz] is what the caller states.
+    `wanted` is what `channels.read_channels` takes beside the open file.
     """
-    return _ask_for_channels("read", path, case, variables=names, rate=rate)
-
-
-def _ask_for_channels(
-    task: str, path: PathLike, case: int | None, **wanted: Any
-) -> dict[str, Variable]:
     path = check_readable(path)
     suffix = find_suffix(path)
     if suffix is None:
@@ -227,14 +221,27 @@ def _exchange(
     if "reason" in message:
         raise UnreadableError(message["reason"])
     for text in message["warnings"]:
-        warnings.warn(text, UserWarning, stacklevel=6)  # of the caller of read_trial
+        warnings.warn(text, UserWarning, stacklevel=5)  # of the caller of read_trial
     return variables
 
 
 # --- What runs in the other process
 
 
-TASKS = {"find": channels.find_channels, "read": channels.read_channels}
+def _try(contents: Contents) -> tuple[()]:
+    """Read everything, and give nothing."""
+    for name in contents.names():
+        variable = contents.find(name)
+        if variable is not None:
+            variable.read()
+    return ()
+
+
+TASKS: dict[str, Any] = {
+    "find": channels.find_channels,
+    "read": channels.read_channels,
+    "try": _try,
+}
 
 
 def main() -> None:
@@ -243,31 +250,20 @@ def main() -> None:
     with suppress(EOFError):
         while True:
             request = json.loads(pipe.recv_bytes())
-            answer = _answer(pipe, **request)
-            pipe.send_bytes(json.dumps(answer).encode())
+            pipe.send_bytes(json.dumps(_answer(pipe, request)).encode())
 
 
-def _answer(
-    pipe: Connection,
-    *,
-    task: str,
-    path: str,
-    case: int | None,
-    seconds: float,
-    memory: int,
-    wanted: dict[str, Any],
-) -> dict[str, Any]:
+def _answer(pipe: Connection, request: dict[str, Any]) -> dict[str, Any]:
     """Do a task with a file, and send the variables that it gives; its end."""
-    file = Path(path)
+    path = Path(request["path"])
+    memory = request["memory"]
     try:
-        container = choose_container(file)  # a library is imported without limits
-        _limit(seconds, memory)
-        has_checksum(file)
-        contents = container(file, case)
-        if task == "try":
-            _read_everything(contents)
-            return {"warnings": []}
-        for role, variable, numbers in TASKS[task](contents, **wanted):
+        container = choose_container(path)  # a library is imported without limits
+        _limit(request["seconds"], memory)
+        has_checksum(path)
+        contents = container(path, request["case"])
+        task = TASKS[request["task"]]
+        for role, variable, numbers in task(contents, **request["wanted"]):
             description = [role, variable.name, variable.unit, numbers.shape]
             pipe.send_bytes(json.dumps(description).encode())
             pipe.send_bytes(numbers.tobytes())
@@ -280,13 +276,6 @@ def _answer(
         return {"reason": _describe(cause)}
     finally:
         _limit(0.0, memory)
-
-
-def _read_everything(contents: Contents) -> None:
-    for name in contents.names():
-        variable = contents.find(name)
-        if variable is not None:
-            variable.read()
 
 
 def choose_container(path: Path) -> type[Contents]:

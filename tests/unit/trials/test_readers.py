@@ -11,7 +11,7 @@ import pytest
 import scipy.io
 import xarray as xr
 
-from ankleloop import new_trial, save_trial
+from ankleloop import identify, new_trial, save_trial, simulate
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import TRUE_TORQUES
 from ankleloop.trials.readers import read_trial
@@ -125,6 +125,17 @@ def test_channels_by_their_names(tmp_path, position, torque, reference):
         named = read_trial(tmp_path / name, reference=trial.attrs["reference_variable"])
         assert named.reference.identical(trial.reference)
         assert "reference" not in read_trial(tmp_path / name, reference="none")
+
+
+def test_a_trial_from_a_file_is_identified_as_it_is(tmp_path):
+    """The line of the README: the reference is found, so that `identify` needs no more."""
+    simulated = simulate(seed=1, duration=20.0)
+    table = simulated[["position", "torque", "reference"]].to_dataframe().reset_index()
+    table.assign(torque=-table["torque"]).to_csv(tmp_path / "trial.csv", index=False)
+    estimate = identify(read_trial(tmp_path / "trial.csv", torque_sign=-1))
+    expected = identify(simulated)
+    assert estimate.method == expected.method == "riv"
+    assert estimate.stiffness == pytest.approx(expected.stiffness, rel=1e-6)
 
 
 @pytest.mark.parametrize(
