@@ -39,15 +39,16 @@ def reading_options(command: Command) -> Command:
             continue
         unit = Recording.unit(name)
         # What null is in YAML is to leave out an option.
-        text = re.split(r"; (?:null|0) ", str(field.description))[0]
+        text = re.split(r"; (?:null|0)\b", str(field.description))[0]
         text = text[0].upper() + text[1:] + (f" [{unit}]." if unit != "1" else ".")
         default = DEFAULTS.get(name, field.get_default())
         if default not in (None, ""):
             text += f"  [default: {default}]"
         kinds = set(get_args(field.annotation) or (field.annotation,)) - {NoneType}
+        choices = [kind for kind in (field.annotation, *kinds) if get_origin(kind) is Literal]
         parse: Any = click.STRING
-        if get_origin(field.annotation) is Literal:
-            parse = click.Choice(get_args(field.annotation))
+        if choices:
+            parse = click.Choice(get_args(choices[0]))
         elif kinds <= {int, float}:
             parse = click.FLOAT if float in kinds else click.INT
         metavar = METAVARS.get(name) or (unit.upper() if unit != "1" else None)

@@ -125,6 +125,7 @@ def test_stated_units(tmp_path, capsys):
     ("arguments", "words"),
     [
         (["--torque-sign", "2"], "'--torque-sign'"),
+        (["--position-unit", "grad"], "'grad' is not one of 'rad', 'deg'."),
         (["--sampling-rate", "0"], "sampling_rate must be between 0.001 and 1e9 Hz, got 0.0."),
         (["--start", "5", "--stop", "3"], "stop (3 s) must be after start (5 s)"),
         (
