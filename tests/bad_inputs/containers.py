@@ -37,6 +37,7 @@ HOURS = ("t", TIME, {"units": "hours since 2024-01-01"})
 CELLS = np.array([1.0, "b"], dtype=object)
 
 row = rows_of(read_trial)
+in_radians = partial(read_trial, position_unit="rad")
 in_degrees = partial(read_trial, position_unit="deg")
 
 ROWS = [
@@ -73,12 +74,18 @@ ROWS = [
         "a.h5: not a readable .h5 file",
         "check that the file is whole",
     ),
-    row("hdf5: a group", group_file, "a.h5: there is no variable 'position'", "position/samples"),
+    row(
+        "hdf5: a group",
+        group_file,
+        "a.h5: no variable is called position or pos",
+        "position/samples",
+    ),
     row(
         "hdf5: degrees",
         hdf5_file("deg", position=57 * POSITION),
         "position is in 'deg'",
         "pass position_unit='deg'",
+        call=in_radians,
     ),
     row(
         "hdf5: position in V",

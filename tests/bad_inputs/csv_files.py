@@ -77,7 +77,7 @@ ROWS = [
     row(
         "semicolons",
         table(csv_text().replace(",", ";")),
-        "a.csv: there is no variable 'position'",
+        "a.csv: no variable is called position or pos or angle or theta",
         "Name one",
     ),
     row(

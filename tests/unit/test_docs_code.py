@@ -113,6 +113,7 @@ def files(tmp_path_factory):
         folder / "missing.csv", index=False
     )
     table.rename(columns={"position": "angle_deg"}).to_csv(folder / "degrees.csv", index=False)
+    table.assign(knee_angle=table["position"]).to_csv(folder / "two-angles.csv", index=False)
     table.to_csv(folder / "semicolons.csv", sep=";", decimal=",", index=False)
     for name in ("S1.csv", "S2.csv", "S1.mat", "S2.mat"):
         turned = table.assign(torque=-table["torque"])

@@ -41,7 +41,7 @@ def make_study(
 ) -> RecordedStudy:
     """The study of one recording, which the workflow would make of it, with options by [METHOD.]NAME."""
     chosen = usual_methods(
-        reference=recording.reference is not None, changing=recording.changes, names=methods
+        reference="reference" in recording.channels, changing=recording.changes, names=methods
     )
     for option, value in (options or {}).items():
         _set_option(chosen, option, value)

@@ -57,7 +57,7 @@ def check_file(path: Path, recording: Recording) -> tuple[xr.Dataset | None, Che
     from ankleloop.recordings.files import check_course, load_recording, refuse_recording
     from ankleloop.recordings.validity import usual_methods
 
-    methods = usual_methods(reference=recording.reference is not None)
+    methods = usual_methods(reference="reference" in recording.channels)
     try:
         trial = load_recording(path, recording.model_dump())
         result = check_trial(trial, **largest_options(methods))

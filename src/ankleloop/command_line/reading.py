@@ -13,18 +13,20 @@ import click
 from ankleloop.command_line.terminal import echo
 from ankleloop.errors import DataError
 from ankleloop.studies.recording_settings import Recording
+from ankleloop.trials.channels import CHANNELS
+from ankleloop.trials.contents import Variable
+from ankleloop.trials.reading_options import NO_REFERENCE
+from ankleloop.trials.reading_process import find_channels
+from ankleloop.trials.units import find_position_unit
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-CHANNELS = ("position", "torque", "reference")
 METAVARS = {"variables": "NAME=VARIABLE,…", "cycle_onsets": "NAME|TIMES"}
 METAVARS |= dict.fromkeys(("schedule", *CHANNELS), "NAME")
 DEFAULTS = {"position_unit": "as the file states it, else rad", "sampling_rate": "that of the file"}
 DEFAULTS |= dict.fromkeys(CHANNELS, "by its name")
-FILE, FOLDER = (
-    click.Path(exists=True, dir_okay=False, path_type=Path),
-    click.Path(file_okay=False, path_type=Path),
-)
+FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+FOLDER = click.Path(file_okay=False, path_type=Path)
 MOST_CHARACTERS = 60  # of the name of a recording that is made of the name of a file
 
 
@@ -37,15 +39,16 @@ def reading_options(command: Command) -> Command:
             continue
         unit = Recording.unit(name)
         # What null is in YAML is to leave out an option.
-        text = re.split(r"; (?:null|0) ", str(field.description))[0]
+        text = re.split(r"; (?:null|0)\b", str(field.description))[0]
         text = text[0].upper() + text[1:] + (f" [{unit}]." if unit != "1" else ".")
         default = DEFAULTS.get(name, field.get_default())
         if default not in (None, ""):
             text += f"  [default: {default}]"
         kinds = set(get_args(field.annotation) or (field.annotation,)) - {NoneType}
+        choices = [kind for kind in (field.annotation, *kinds) if get_origin(kind) is Literal]
         parse: Any = click.STRING
-        if get_origin(field.annotation) is Literal:
-            parse = click.Choice(get_args(field.annotation))
+        if choices:
+            parse = click.Choice(get_args(choices[0]))
         elif kinds <= {int, float}:
             parse = click.FLOAT if float in kinds else click.INT
         metavar = METAVARS.get(name) or (unit.upper() if unit != "1" else None)
@@ -58,45 +61,48 @@ def reading_options(command: Command) -> Command:
 
 def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Recording:
     """Map the variables of a file to channels, and show it; what the options leave out follows from names and units."""
-    from ankleloop.trials.channels import find_position_unit, find_variable
-    from ankleloop.trials.reading_process import list_variables
-
     stated = {name: value for name, value in values.items() if value is not None}
-    if no_reference and "reference" in stated:
-        raise click.UsageError("--reference and --no-reference exclude each other.")
-    variables = list_variables(path, stated.get("case"))
-    for channel in CHANNELS:
-        if channel in stated or (channel == "reference" and no_reference):
-            continue
-        taken = [stated[other] for other in CHANNELS if other in stated]
-        try:
-            stated[channel] = find_variable(channel, variables, source=path.name, taken=taken)
-        except DataError as error:
-            other = ", or --no-reference" if channel == "reference" else ""
-            raise click.UsageError(
-                f"{error} Option that decides: --{channel} NAME{other}."
-            ) from None
-    unit, remark = stated.get("position_unit"), ""
-    if unit is None:
-        position = next((v for v in variables if v.name == stated["position"].lstrip("/")), None)
-        unit = find_position_unit(position.name, position.unit) if position else None
-        remark = (
-            " (stated by the file)"
-            if unit
-            else " (assumed: --position-unit deg if it is in degrees)"
-        )
+    if no_reference:
+        if "reference" in stated:
+            raise click.UsageError("--reference and --no-reference exclude each other.")
+        stated["reference"] = NO_REFERENCE
     try:
-        recording = Recording.parse(
-            "the options", **stated | {"file": path.name, "position_unit": unit or "rad"}
-        )
+        options = Recording.parse("the options", file=path.name, **stated)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
-    unit = f"{recording.position_unit}{remark}"
+    variables = _find_variables(path, options)
+    mapping = {"reference": NO_REFERENCE}
+    mapping |= {role: variable.name for role, variable in variables.items() if role in CHANNELS}
+    mapping |= options.channels
+    remark = ""
+    if options.position_unit is None:
+        position = variables.get("position")
+        unit = find_position_unit(position.name, position.unit) if position else None
+        mapping["position_unit"] = unit or "rad"
+        remark = " (stated by the file)"
+        if unit is None:
+            remark = " (assumed: --position-unit deg if it is in degrees)"
+    recording = options.model_copy(update=mapping)
+    unit_text = f"{recording.position_unit}{remark}"
     echo(click.style(path.name, bold=True))
-    echo(f"  position  {recording.position}, in {unit}, sign {recording.position_sign:+d}")
+    echo(f"  position  {recording.position}, in {unit_text}, sign {recording.position_sign:+d}")
     echo(f"  torque    {recording.torque}, in N·m, sign {recording.torque_sign:+d}")
-    echo(f"  reference {recording.reference or 'none'}")
+    echo(f"  reference {recording.reference}")
     return recording
+
+
+def _find_variables(path: Path, options: Recording) -> dict[str, Variable]:
+    """Variables of a file by role; where their names leave a choice, an option decides."""
+    try:
+        return find_channels(path, options.case, options.names)
+    except DataError as error:
+        unknown = re.search(r"(?:may|would) be the (position|torque|reference)[:;]", str(error))
+        if unknown is None:
+            raise
+        option = f"--{unknown[1]} NAME"
+        if unknown[1] == "reference":
+            option += ", or --no-reference"
+        raise click.UsageError(f"{error} Option that decides: {option}.") from None
 
 
 def name_recordings(files: Iterable[Path]) -> dict[str, Path]:

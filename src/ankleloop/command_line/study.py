@@ -126,7 +126,7 @@ def _describe_recordings(
     changing = any(recording.changes for recording in recordings)
     methods: dict[str, Any] = {}
     for has_reference in sorted(
-        {recording.reference is not None for recording in recordings}, reverse=True
+        {"reference" in recording.channels for recording in recordings}, reverse=True
     ):
         for key, method in usual_methods(reference=has_reference, changing=changing).items():
             stated = {name: value for name, value in method.items() if value}

@@ -34,14 +34,12 @@ COURSE = ("cycle_onsets", "schedule")
 
 def load_recording(path: PathLike, mapping: Mapping[str, Any]) -> xr.Dataset:
     """Read a recording, take the part of it that is to be analysed, and remove the drift."""
-    trial = read_trial(
-        path, **{name: mapping[name] for name in ReadingOptions.model_fields if name in mapping}
-    )
+    options = {name: mapping[name] for name in ReadingOptions.model_fields if name in mapping}
+    trial = read_trial(path, **options)
     start, stop = mapping.get("start"), mapping.get("stop")
     if start is not None or stop is not None:
-        trial = segment(
-            trial, start or 0.0, float(trial["time"][-1]) + 1.0 if stop is None else stop
-        )
+        end = float(trial["time"][-1]) + 1.0 if stop is None else stop
+        trial = segment(trial, start or 0.0, end)
     return remove_drift(trial, mapping["drift"]) if mapping.get("drift") else trial
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,7 +10,7 @@ from ankleloop.options import describe_limits, show_value
 
 LOWEST_RATE, HIGHEST_RATE = 0.001, 1e9  # Hz
 RATE_TOLERANCE = 1e-3  # two statements of one sampling rate may differ by this fraction
-FEW = 1000  # steps, about, show the usual one
+FEW_STEPS = 1000  # about as many show the usual one
 
 
 def parse_rate(value: ArrayLike, *, source: str) -> float:
@@ -30,41 +28,32 @@ def parse_rate(value: ArrayLike, *, source: str) -> float:
     return rate
 
 
-def compute_rate_of_parts(
-    parts: Iterable[np.ndarray], size: int, *, source: str, name: str = "time"
-) -> float:
-    """Compute the sampling rate of regular times that are read in parts, of which the first has several samples."""
+def compute_rate(times: np.ndarray, *, source: str, name: str = "time") -> float:
+    """Compute the sampling rate of regular times, shape (N,)."""
+    size = times.size
     if size < 2:
         raise DataError(f"{source}: {name} has {size} sample: a trial needs at least 2.")
     # Times in single precision are off by up to N·eps steps; half a step or more is a fault all the same.
     tolerance = min(0.01 + float(np.finfo(np.float32).eps) * size, 0.5)
-    start, first, last, usual = 0, 0.0, np.empty(0), 0.0
-    for times in parts:
-        with np.errstate(all="ignore"):  # of what is refused
-            steps = np.diff(times, prepend=last)
-            if not start:
-                first, usual = (
-                    times[0],
-                    float(np.median(np.nan_to_num(steps[:: steps.size // FEW | 1]))),
-                )
-            irregular = np.flatnonzero(
-                ~(np.abs(steps - usual) <= tolerance * abs(usual)) | (steps <= 0)
-            )
-        missing, offset = np.flatnonzero(~np.isfinite(times)), times.size - steps.size
-        if missing.size and missing[0] <= irregular[0] + offset:
-            raise DataError(
-                f"{source}: {name} is not finite at sample {start + missing[0]}: repair it."
-            )
-        if irregular.size:
-            sample = irregular[0] + offset
-            raise DataError(
-                f"{source}: {name} is irregular at sample {start + sample} ({times[sample]:g} s): it steps by "
-                f"{steps[irregular[0]]:g} s where {usual:g} s is usual: cut the trial there or resample it; if the "
-                "times are only rounded, write them with more digits."
-            )
-        start, last = start + times.size, times[-1:].copy()
+    with np.errstate(all="ignore"):  # of what is refused
+        steps = np.diff(times)
+        some_steps = steps[:: steps.size // FEW_STEPS | 1]
+        usual_step = float(np.median(np.nan_to_num(some_steps)))
+        is_regular = np.abs(steps - usual_step) <= tolerance * abs(usual_step)
+    irregular = np.flatnonzero(~is_regular | (steps <= 0)) + 1
+    missing = np.flatnonzero(~np.isfinite(times))
+    if missing.size and missing[0] <= irregular[0]:
+        raise DataError(f"{source}: {name} is not finite at sample {missing[0]}: repair it.")
+    if irregular.size:
+        sample = irregular[0]
+        raise DataError(
+            f"{source}: {name} is irregular at sample {sample} ({times[sample]:g} s): it steps by "
+            f"{steps[sample - 1]:g} s where {usual_step:g} s is usual: cut the trial there or resample it; if the "
+            "times are only rounded, write them with more digits."
+        )
+    step = (times[-1] - times[0]) / (size - 1)
     # Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001.
-    return float(f"{1.0 / ((last[0] - first) / (size - 1)):.9g}")
+    return float(f"{1.0 / step:.9g}")
 
 
 def check_same_rate(

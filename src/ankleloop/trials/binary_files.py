@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Literal
 
 import h5py
 import numpy as np
 import scipy.io
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import LISTED, Contents, Variable, as_text, take_samples
+from ankleloop.trials.contents import Contents, Variable, as_text
 from ankleloop.trials.files import UnreadableError
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
-TYPES = {4: "<f4", 2: "<i2", -2: "<u2"}  # of the samples of FLB files, by their format
-LEVELS = 65535  # of format -2, from the lower end of the range to the upper one
+FLB_TYPES = {4: "<f4", 2: "<i2", -2: "<u2"}  # of samples, by the format of a case
+FLB_LEVELS = 65535  # of format -2, from the lower end of the range to the upper one
+LISTED_CASES = 30  # that a message has
 
 
 class Hdf5Contents(Contents):
@@ -37,26 +40,24 @@ class Hdf5Contents(Contents):
         node = self._resolve(name)
         if not _is_variable(node):
             return None
-        if node.is_virtual or node.external or node.file.filename != self._file.filename:
+        is_elsewhere = h5py.h5f.get_name(node.id) != h5py.h5f.get_name(self._file.id)
+        if is_elsewhere or node.is_virtual or node.external:
             raise DataError(
                 f"{self.path.name}: the samples of {name} are in other files: copy them into one file, for example by "
                 "h5repack or with MATLAB."
             )
-        return Variable(
-            name,
-            (0,) if node.shape is None else node.shape,
-            partial(take_samples, node),
-            node.attrs,
-        )
+        shape = (0,) if node.shape is None else node.shape
+        return Variable(name, shape, partial(node.__getitem__, ...), node.attrs)
 
-    def names(self) -> Iterable[str]:
-        """Full names of the variables; MATLAB's internals, #refs# and #subsystem#, are left out."""
-        names: list[str] = []
-        self._file.visit(names.append)
-        variables = (
-            name for name in names if not name.startswith("#") and _is_variable(self._file[name])
-        )
-        return [name.replace("/", self.separator) for name in variables]
+    def names(self) -> Iterator[str]:
+        """Full names of the variables."""
+        return (path for path in self.paths() if _is_variable(self._resolve(path)))
+
+    def paths(self) -> list[str]:
+        """Full names of variables and groups; MATLAB's internals, #refs# and #subsystem#, are left out."""
+        paths: list[str] = []
+        self._file.visit(paths.append)
+        return [path.replace("/", self.separator) for path in paths if not path.startswith("#")]
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, a group, or of the file, whose name is empty."""
@@ -69,9 +70,9 @@ class Hdf5Contents(Contents):
 
 def _is_variable(node: Any) -> bool:
     """Whether an object is a data set, and not the zeros of a dimension of NetCDF that has no variable."""
-    return isinstance(node, h5py.Dataset) and not as_text(node.attrs.get("NAME")).startswith(
-        NO_VARIABLE
-    )
+    if not isinstance(node, h5py.Dataset):
+        return False
+    return not as_text(node.attrs.get("NAME")).startswith(NO_VARIABLE)
 
 
 class MatContents(Contents):
@@ -84,30 +85,33 @@ class MatContents(Contents):
         _check_end(path)
         for name, shape, kind in scipy.io.whosmat(path, False):
             if kind == "struct":
-                self.variables += [
-                    Variable(field, x.shape, x.__getitem__) for field, x in self._load(name)
-                ]
+                for field, values in self._load(name).items():
+                    self.variables.append(Variable(field, values.shape, values.view))
             else:
                 self.variables.append(Variable(name, shape, partial(self._read, name)))
 
-    def _read(self, name: str, part: slice) -> np.ndarray:
-        return next(self._load(name))[1][part]
+    def _read(self, name: str) -> np.ndarray:
+        return self._load(name)[name]
 
-    def _load(self, name: str) -> Iterator[tuple[str, np.ndarray]]:
+    def _load(self, name: str) -> dict[str, np.ndarray]:
         """A variable, or all of a struct, by their full names."""
         contents = scipy.io.loadmat(
-            self.path, None, False, variable_names=[name], simplify_cells=True
+            self.path, appendmat=False, variable_names=[name], simplify_cells=True
         )
-        return _flatten_struct({name: contents[name]})
+        return dict(_flatten_struct({name: contents[name]}))
 
 
 def _check_end(path: Path) -> None:
     """Refuse a MATLAB v5 file that ends within a variable: its library leaves out those behind and says nothing."""
+    size = path.stat().st_size
     with open(path, "rb") as file:
-        order = {b"IM": "little", b"MI": "big"}.get(file.read(128)[126:])
-        while order and (tag := file.read(8)):  # the others are v4
-            position = file.seek(int.from_bytes(tag[4:], order), 1)  # type: ignore[arg-type]
-            if position > path.stat().st_size:
+        mark = file.read(128)[126:]
+        if mark not in (b"IM", b"MI"):  # v4
+            return
+        order: Literal["little", "big"] = "little" if mark == b"IM" else "big"
+        while tag := file.read(8):
+            end = file.seek(int.from_bytes(tag[4:], order), os.SEEK_CUR)
+            if end > size:
                 raise UnreadableError("it ends within a variable")
 
 
@@ -115,13 +119,13 @@ def _flatten_struct(
     struct: Mapping[str, Any], prefix: str = ""
 ) -> Iterator[tuple[str, np.ndarray]]:
     for name, value in struct.items():
+        full_name = f"{prefix}{name}"
         if isinstance(value, dict):
-            yield from _flatten_struct(value, f"{prefix}{name}.")
-        else:  # a list holds structs of any shape
-            yield (
-                f"{prefix}{name}",
-                np.fromiter(value, object) if isinstance(value, list) else np.atleast_1d(value),
-            )
+            yield from _flatten_struct(value, f"{full_name}.")
+        elif isinstance(value, list):  # of structs of any shape
+            yield full_name, np.fromiter(value, object)
+        else:
+            yield full_name, np.atleast_1d(value)
 
 
 class ClassicNetcdfContents(Contents):
@@ -130,14 +134,24 @@ class ClassicNetcdfContents(Contents):
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
         self._file = scipy.io.netcdf_file(path, "r", mmap=True, maskandscale=False)
-        self.variables = [
-            Variable(name, found.data.shape, partial(take_samples, found.data), found._attributes)
-            for name, found in self._file.variables.items()
-        ]
+        for name, node in self._file.variables.items():
+            samples = node.data
+            read = partial(samples.__getitem__, ...)
+            self.variables.append(Variable(name, samples.shape, read, node._attributes))
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, or of the file, whose name is empty."""
-        return getattr(self._file.variables.get(owner) if owner else self._file, "_attributes", {})
+        node = self._file.variables.get(owner) if owner else self._file
+        return getattr(node, "_attributes", {})
+
+
+@dataclass(frozen=True)
+class FlbCase:
+    """A trial of an FLB file."""
+
+    variables: list[Variable]
+    rate: float  # Hz
+    text: str  # for a list of cases
 
 
 class FlbContents(Contents):
@@ -152,31 +166,31 @@ class FlbContents(Contents):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path)
-        cases: list[tuple[list[Variable], float, str]] = []
+        cases: list[FlbCase] = []
         content = np.memmap(path, "u1", "r")
         with open(path, "rb") as file:
             while not cases or content.size - file.tell() >= 4:
                 cases.append(_read_case(file, content, len(cases) + 1))
         if case is None and len(cases) > 1:
-            listed = "; ".join(text for _, _, text in cases[:LISTED])
+            listed = "; ".join(each.text for each in cases[:LISTED_CASES])
             raise DataError(
                 f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}."
             )
-        if (case or 1) > len(cases):
+        number = case or 1
+        if number > len(cases):
             raise DataError(
                 f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1."
             )
-        self.variables, self._rate, _ = cases[(case or 1) - 1]
+        self._case = cases[number - 1]
+        self.variables = self._case.variables
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """The sampling rate, which belongs to the file."""
-        return {} if owner else {"sampling_rate": self._rate}
+        return {} if owner else {"sampling_rate": self._case.rate}
 
 
-def _read_case(
-    file: BinaryIO, content: np.ndarray, number: int
-) -> tuple[list[Variable], float, str]:
-    """Channels of the next case, their rate [Hz] and what they are, for a list of cases; go to its end."""
+def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> FlbCase:
+    """Read the next case, and go to its end."""
 
     def read(kind: str, count: int = 1) -> np.ndarray:
         length = np.dtype(kind).itemsize * count
@@ -185,14 +199,15 @@ def _read_case(
         return np.frombuffer(file.read(length), kind)
 
     def read_text() -> str:
-        return read("u1", int(read("<i4")[0])).tobytes().decode("latin-1").strip("\0 ")
+        length = int(read("<i4")[0])
+        return read("u1", length).tobytes().decode("latin-1").strip("\0 ")
 
     version = int(read("<i4")[0])
     if version not in (2, 3, 4):
         raise UnreadableError(f"case {number} is of version {version}, and there are 2, 3 and 4")
     realizations = 1 if version == 2 else int(read("<i4", 2)[1])
     channels, length, kind = read("<i4", 3).tolist()
-    if kind not in TYPES:
+    if kind not in FLB_TYPES:
         raise UnreadableError(
             f"case {number} has samples of format {kind}, and 4, 2 and -2 are read: convert it"
         )
@@ -205,22 +220,25 @@ def _read_case(
         raise UnreadableError(f"case {number} has no samples, or no sampling interval")
     if realizations > 1:
         names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
-    rate = 1.0 / interval
-    rate = (
-        float(round(rate)) if abs(rate - round(rate)) <= 1e-5 * rate else rate
-    )  # the interval is in single precision
     start = file.tell()
-    if (
-        end := file.seek(start + length * len(names) * np.dtype(TYPES[kind]).itemsize)
-    ) > content.size:
+    end = file.seek(start + length * len(names) * np.dtype(FLB_TYPES[kind]).itemsize)
+    if end > content.size:
         raise UnreadableError(f"case {number} is cut off")
-    samples = content[start:end].view(TYPES[kind]).reshape(len(names), length)
+    samples = content[start:end].view(FLB_TYPES[kind]).reshape(len(names), length)
     variables = []
-    for channel, name in enumerate(names):
-        low, high = ranges[:, channel % channels]
-        scale = {"scale_factor": (high - low) / LEVELS, "add_offset": low} if kind == -2 else {}
-        variables.append(Variable(name, (length,), samples[channel].__getitem__, scale))
-    text = (
-        f"case {number}: {', '.join(names)}, {length / rate:.4g} s at {rate:g} Hz, {comment[:60]!r}"
-    )
-    return variables, rate, text
+    for row, name in enumerate(names):
+        low, high = ranges[:, row % channels]
+        scale = {"scale_factor": (high - low) / FLB_LEVELS, "add_offset": low}
+        attributes = scale if kind == -2 else {}
+        variables.append(Variable(name, (length,), samples[row].view, attributes))
+    rate = _rate_of(interval)
+    duration = length / rate
+    text = f"case {number}: {', '.join(names)}, {duration:.4g} s at {rate:g} Hz, {comment[:60]!r}"
+    return FlbCase(variables, rate, text)
+
+
+def _rate_of(interval: float) -> float:
+    """Sampling rate [Hz] of an interval [s] in single precision: a whole number, where it is one."""
+    rate = 1.0 / interval
+    whole = float(round(rate))
+    return whole if abs(rate - whole) <= 1e-5 * rate else rate

@@ -8,6 +8,7 @@ import re
 from collections import deque
 from collections.abc import Iterator
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,9 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import Contents, Variable, check_size
+from ankleloop.trials.contents import Contents, Variable, check_size
 
-LAST = 101  # rows whose digits are compared
+LAST_ROWS = 101  # whose digits are compared
 
 
 class CsvContents(Contents):
@@ -32,29 +33,29 @@ class CsvContents(Contents):
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path, case)
         self._header: list[str] = []
-        self._header_line, self._rows, self._longest = 0, 0, 0
-        self._last: deque[tuple[int, str]] = deque(maxlen=LAST)  # numbered lines
+        self._header_line = 0
+        self._rows = 0
+        self._longest_row = 0  # cells
+        self._last: deque[tuple[int, str]] = deque(maxlen=LAST_ROWS)  # numbered lines
         self._measure()
-        columns = enumerate(self._header)
-        self.variables = [
-            Variable(name, (self._rows,), partial(self._read, column)) for column, name in columns
-        ]
+        for column, name in enumerate(self._header):
+            self.variables.append(Variable(name, (self._rows,), partial(self._read, column)))
 
-    def _read(self, column: int, part: slice) -> np.ndarray:
+    def _read(self, column: int) -> np.ndarray:
         """Numbers of a column, or objects where some are text."""
         frame = pd.read_csv(
-            self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest),
+            self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest_row),
             index_col=False, skipinitialspace=True, skip_blank_lines=True,
         )  # fmt: skip
         self._check_last_cell(column)
-        return frame[column].to_numpy()[part]
+        return frame[column].to_numpy()
 
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file: by its line, the header's among them."""
-        samples = (
+        rows = (
             number for number, line in self._lines() if number > self._header_line and line.strip()
         )
-        return f"in line {next(number for row, number in enumerate(samples) if row == sample)}"
+        return f"in line {next(islice(rows, sample, None))}"
 
     def _lines(self) -> Iterator[tuple[int, str]]:
         """Lines with their numbers."""
@@ -66,21 +67,20 @@ class CsvContents(Contents):
         """Count rows and cells; refuse a line that has too many, and a last one that has too few."""
         for number, line in self._lines():
             if wrong := re.search("[\0\udc80-\udcff]", line):
-                fault = f"line {number} is no text in UTF-8 (byte 0x{ord(wrong[0]) & 0xFF:02x})"
-                raise DataError(f"{self.path.name}: {fault}: save it as CSV in UTF-8.")
+                raise DataError(
+                    f"{self.path.name}: line {number} is no text in UTF-8 (byte 0x{ord(wrong[0]) & 0xFF:02x}): save "
+                    "it as CSV in UTF-8."
+                )
             cells = line.count(",") + 1
             if cells == 1 and not line.strip():
                 continue
             if not self._header:
-                self._header, self._header_line = _split(line), number
+                self._header = _split(line)
+                self._header_line = number
                 continue
-            width = len(self._header)
-            if cells > width and any(_split(line)[width:]):
-                raise DataError(
-                    f"{self.path.name}: line {number} has {len(_split(line))} cells and the header {width}: correct "
-                    "the line; write decimal points, not commas."
-                )
-            self._longest = max(self._longest, cells)
+            if cells > len(self._header):
+                self._check_cells_beyond(number, line)
+            self._longest_row = max(self._longest_row, cells)
             self._rows += 1
             self._last.append((number, line))
         check_size(self._rows, f"{self.path.name}: the table")
@@ -88,11 +88,22 @@ class CsvContents(Contents):
             raise DataError(
                 f"{self.path.name}: the table has no header in its first line, or no samples below it."
             )
-        *before, (number, line) = self._last
-        if before and len(_split(line)) < len(_split(before[-1][1])):
+        lengths = [len(_split(line)) for _, line in list(self._last)[-2:]]
+        if lengths[-1] < lengths[0]:
+            number = self._last[-1][0]
             raise DataError(
                 f"{self.path.name}: the last line ({number}) has fewer cells than the one before: the file is cut off; "
                 "copy it again, or delete this line."
+            )
+
+    def _check_cells_beyond(self, number: int, line: str) -> None:
+        """Refuse a line with more cells than the header; empty ones do not count."""
+        cells = _split(line)
+        width = len(self._header)
+        if any(cells[width:]):
+            raise DataError(
+                f"{self.path.name}: line {number} has {len(cells)} cells and the header {width}: correct the line; "
+                "write decimal points, not commas."
             )
 
     def _check_last_cell(self, column: int) -> None:
@@ -100,12 +111,16 @@ class CsvContents(Contents):
         number, line = self._last[-1]
         if line.endswith("\n") or column != len(_split(line)) - 1:
             return
-        *usual, last = (_split(row)[column] for _, row in self._last if row.count(",") >= column)
-        digits, decimals = {_decimals(cell) for cell in usual}, _decimals(last)
-        if digits == {decimals} and decimals:
-            return  # as many decimals as in the rows before: it is whole
-        fault = f"{self.path.name}: the file ends within line {number}, at the {self._header[column]} {last!r}"
-        if digits and decimals < min(digits):
+        *cells, last_cell = [
+            _split(row)[column] for _, row in self._last if row.count(",") >= column
+        ]
+        usual_decimals = {_count_decimals(cell) for cell in cells}
+        decimals = _count_decimals(last_cell)
+        if decimals and usual_decimals == {decimals}:
+            return  # it is whole
+        name = self._header[column]
+        fault = f"{self.path.name}: the file ends within line {number}, at the {name} {last_cell!r}"
+        if usual_decimals and decimals < min(usual_decimals):
             raise DataError(
                 f"{fault}, which has fewer digits than those before: copy the file again, or delete the line."
             )
@@ -116,9 +131,10 @@ class CsvContents(Contents):
 
 
 def _split(line: str) -> list[str]:
+    """Cells of a line."""
     return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True), [])]
 
 
-def _decimals(text: str) -> int:
+def _count_decimals(text: str) -> int:
     """Digits behind the point."""
     return len(text.lower().partition("e")[0].partition(".")[2])

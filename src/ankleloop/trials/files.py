@@ -30,11 +30,12 @@ if TYPE_CHECKING:
 
 PathLike = str | os.PathLike[str]
 
-FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-NAME, NODE = 40, 30  # characters in the name of a partial file; file systems allow 255 bytes in all
-MARK = b"\nankleloop: SHA-256 of all before this line: "
-LENGTH = len(MARK) + 2 * hashlib.sha256().digest_size + 1
-PIECE = 1 << 20
+FULL_DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+# Characters of a file and of a computer in the name of a partial file; file systems allow 255 bytes in all.
+FILE_CHARACTERS, NODE_CHARACTERS = 40, 30
+CHECKSUM_MARK = b"\nankleloop: SHA-256 of all before this line: "
+CHECKSUM_LENGTH = len(CHECKSUM_MARK) + 2 * hashlib.sha256().digest_size + 1
+PIECE = 1 << 20  # bytes
 _lock = threading.Lock()
 
 
@@ -52,9 +53,8 @@ def check_output(path: PathLike, *, overwrite: bool = False) -> Path:
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         if path.exists() and not path.is_file():
             raise DataError(f"{path}: this is a folder or a device, no file: write to a file.")
-        if (
-            not overwrite and os.path.lexists(path) and path.lstat().st_size > 0
-        ):  # nothing is lost of an empty file
+        # Nothing is lost of an empty file.
+        if not overwrite and os.path.lexists(path) and path.lstat().st_size > 0:
             raise DataError(
                 f"{path}: the file exists already: write to another name, or replace it by overwrite=True."
             )
@@ -64,8 +64,9 @@ def check_output(path: PathLike, *, overwrite: bool = False) -> Path:
 
 
 def _write_error(path: Path, cause: OSError) -> DataError | ResourceError:
+    """The error that says why a file cannot be written."""
     fault = f"{path}: the file cannot be written ({cause.strerror or cause})"
-    if cause.errno in FULL:
+    if cause.errno in FULL_DISK:
         return ResourceError(
             f"{fault}: free space in the folder {path.parent}. Nothing has been changed."
         )
@@ -75,11 +76,12 @@ def _write_error(path: Path, cause: OSError) -> DataError | ResourceError:
 
 def _partial_path(path: Path) -> Path:
     """Hidden name beside a file under which this process writes it; removes what killed processes have left there."""
-    start = f".{path.name[:NAME]}.{platform.node()[:NODE]}-"
+    start = f".{path.name[:FILE_CHARACTERS]}.{platform.node()[:NODE_CHARACTERS]}-"
     for partial in path.parent.glob(f"{glob.escape(start)}*.part"):
         with suppress(PermissionError):  # the process of another user lives
+            process = int(partial.name.removeprefix(start).partition("-")[0])
             try:
-                os.kill(int(partial.name.removeprefix(start).partition("-")[0]), 0)
+                os.kill(process, 0)
             except ProcessLookupError:
                 partial.unlink(missing_ok=True)
     return path.with_name(f"{start}{os.getpid()}-{uuid.uuid4().hex[:8]}.part")
@@ -96,17 +98,17 @@ def atomic_file(path: PathLike, *, overwrite: bool = False) -> Iterator[Path]:
     partial = _partial_path(path)
     try:
         yield partial
-        with open(
-            partial, "rb+"
-        ) as file:  # a power cut must not leave the name without the content
+        with open(partial, "rb+") as file:
+            # A power cut must not leave the name without the content.
             os.fsync(file.fileno())
         with _lock:  # of two threads the later one sees the file of the earlier one
             check_output(path, overwrite=overwrite)  # others may have written it meanwhile
             os.replace(partial, path)
     except OSError as cause:
-        if (
+        is_of_another_file = (
             cause.filename is not None and Path(os.fsdecode(cause.filename)) != partial
-        ):  # of another file
+        )
+        if is_of_another_file:
             raise
         raise _write_error(path, cause) from cause
     finally:
@@ -129,7 +131,8 @@ class _Sink(io.FileIO):
     def write(self, data: Any) -> int:
         """Write all bytes, or remember why not."""
         view = memoryview(data).cast("B")
-        end, written = self.tell() + len(view), 0
+        end = self.tell() + len(view)
+        written = 0
         try:
             while self.failure is None and written < len(view):
                 written += super().write(view[written:])
@@ -149,6 +152,7 @@ class _Sink(io.FileIO):
 
 @contextmanager
 def _netcdf_sink(path: PathLike, overwrite: bool) -> Iterator[_Sink]:
+    """A file for the HDF5 library, which gets its checksum, and then its name."""
     with atomic_file(path, overwrite=overwrite) as partial:
         with _Sink(partial, "xb+") as sink:
             yield sink
@@ -204,13 +208,15 @@ def stamp_file(path: PathLike) -> tuple[int, ...]:
 
 def has_checksum(path: PathLike) -> bool:
     """Whether a file ends with a checksum; one whose content is not the one that was written is unreadable."""
-    size = os.stat(path).st_size - LENGTH
+    size = os.stat(path).st_size - CHECKSUM_LENGTH
     with open(path, "rb") as file:
         file.seek(max(size, 0))
-        line = file.read(LENGTH)
-    if line.startswith(MARK) and line != _checksum_line(path, size):
+        line = file.read(CHECKSUM_LENGTH)
+    if not line.startswith(CHECKSUM_MARK):
+        return False
+    if line != _checksum_line(path, size):
         raise UnreadableError("its checksum is wrong: bytes have changed since it was written")
-    return line.startswith(MARK)
+    return True
 
 
 def _checksum_line(path: PathLike, size: int) -> bytes:
@@ -220,7 +226,7 @@ def _checksum_line(path: PathLike, size: int) -> bytes:
         while size > 0 and (piece := file.read(min(size, PIECE))):
             checksum.update(piece)
             size -= len(piece)
-    return MARK + checksum.hexdigest().encode() + b"\n"
+    return CHECKSUM_MARK + checksum.hexdigest().encode() + b"\n"
 
 
 # --- Tables for people, as CSV
@@ -234,6 +240,6 @@ def write_csv(table: pd.DataFrame, path: PathLike, *, overwrite: bool = False) -
 
 
 def _quote(value: Any) -> Any:
-    return (
-        f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value
-    )
+    """A text that cannot be taken for a formula."""
+    is_formula = isinstance(value, str) and value.startswith(("=", "+", "-", "@"))
+    return f"'{value}" if is_formula else value

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
-from ankleloop.signals.sampling import check_same_rate, compute_rate_of_parts, parse_rate
-from ankleloop.trials.channels import (
-    RATE,
-    RATE_NAMES,
-    TIME,
-    TIME_NAMES,
-    Variable,
-    check_unit,
-    time_factor,
-)
+from ankleloop.signals.sampling import check_same_rate, compute_rate, parse_rate
+from ankleloop.trials.channels import RATE, RATE_NAMES, TIME, TIME_NAMES
+from ankleloop.trials.contents import Variable
 from ankleloop.trials.files import PathLike
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_shape, check_sizes, new_trial
+from ankleloop.trials.units import check_unit, find_position_unit, time_factor
 
-LOWEST_RATE = 10.0  # Hz: below it, times without a unit are taken to be in ms
+LOWEST_JOINT_RATE = 10.0  # Hz: times without a unit that are slower may be in ms
 
 
 @show_fields(ReadingOptions)
@@ -41,18 +34,21 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     ----------
     path : str or pathlib.Path
         The file.
-    position, torque : str
-        The variables of the file, each of shape (N,), (N, 1) or (1, N). Where none is called `position`, the only one
-        that has a name of a position is taken, as `position_rad` or `ankle_angle`; in the same way the torque.
+    position, torque : str, optional
+        The variables of the file, each of shape (N,), (N, 1) or (1, N). By default the only one that has a name of a
+        position is taken, as `position`, `position_rad` or `ankle_angle`; in the same way the torque (`torque`,
+        `moment`). Several that may be it are refused.
     reference : str, optional
-        The variable of the command to the servo; it has the unit and the sign of the position.
+        The variable of the command to the servo; it has the unit and the sign of the position. By default it is found
+        by its name (`reference`, `command`), where one has such a name; "none" takes no variable for it.
     sampling_rate : float, optional
         Sampling rate [Hz]. By default it comes from the file: a number called `sampling_rate`, `sample_rate`, `fs` or
         `Fs`, as a variable or an attribute, beside the position or above it; else from a column `time`, `time_s`, `t`
         or `Time` [s], `time_ms`, `t_ms` or `time_us`. A time column must be regular. Rates that are given, in the
         file, and of the time column have to agree within 0.1 %.
-    position_unit : {"rad", "deg"}
-        The unit of position and reference in the file.
+    position_unit : {"rad", "deg"}, optional
+        The unit of position and reference in the file. By default that which the file states for the position, by an
+        attribute or at the end of its name (`angle_deg`), and rad where it states none.
     position_sign, torque_sign : {1, -1}
         Factors that bring the file to the convention here: the torque opposes stretch, so stiffness is positive.
     case : int, optional
@@ -81,30 +77,34 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "trial.csv"
     ...     _ = path.write_text("t,angle,moment\n0.00,0.0,0\n0.01,0.5,-1\n0.02,0.9,-2\n")
-    ...     trial = read_trial(path, position="angle", torque="moment", position_unit="deg", torque_sign=-1)
+    ...     trial = read_trial(path, position_unit="deg", torque_sign=-1)
     >>> trial.torque.values.tolist(), trial.attrs["sampling_rate"], trial.attrs["source"]
     ([-0.0, 1.0, 2.0], 100.0, 'trial.csv')
     """
     path = check_path("read_trial", "path", path)
     options = parse_options("read_trial", path.name, mapping)
-    channels = _read(path, options)
-    times = [channels[TIME].values] if TIME in channels else []
-    rate = choose_rate(channels, options, times, source=path.name)
+    variables = read_channels(
+        path, options.case, variables=options.names, rate=options.sampling_rate
+    )
+    position = variables["position"]
+    unit = options.position_unit or find_position_unit(position.name, position.unit) or "rad"
+    options = options.model_copy(update={"position_unit": unit})
+    signals = {role: item for role, item in variables.items() if role not in (TIME, RATE)}
+    for role, variable in signals.items():
+        if role not in options.further:
+            check_unit(role, variable.name, variable.unit, unit, source=path.name)
+        check_shape(variable.shape, variable.name, source=path.name)
     trial = new_trial(
-        **{
-            role: channels[role].values * options.factor(role)
-            for role in channels
-            if role not in (TIME, RATE)
-        },
-        sampling_rate=rate,
+        **{role: variable.read() * options.factor(role) for role, variable in signals.items()},
+        sampling_rate=_choose_rate(variables, options.sampling_rate, source=path.name),
         source=path.name,
-        **{f"{role}_variable": channels[role].name for role in options.names},
+        **{f"{role}_variable": signals[role].name for role in options.names if role in signals},
         **options.model_dump(include={"position_sign", "torque_sign", "case"}),
         position_unit="rad",
-        position_unit_of_file=options.position_unit,
+        position_unit_of_file=unit,
     )
     for name in options.further:
-        trial[name].attrs["units"] = channels[name].unit
+        trial[name].attrs["units"] = variables[name].unit
     return trial
 
 
@@ -117,57 +117,45 @@ def parse_options(owner: str, source: str, values: Mapping[str, Any]) -> Reading
         raise DataError(str(error)) from None
 
 
-def _read(path: PathLike, options: ReadingOptions, **wanted: Any) -> dict[str, Variable]:
-    """Read channels of a file; `wanted` is what `channels.select_channels` takes beside names and rate."""
-    return read_channels(
-        path, options.case, variables=options.names, rate=options.sampling_rate, **wanted
-    )
-
-
-def choose_rate(
-    channels: Mapping[str, Variable],
-    options: ReadingOptions,
-    times: Iterable[np.ndarray],
-    *,
-    source: str,
-) -> float:
-    """Check units and shapes of channels, and choose the sampling rate: the stated one, else that of the times.
-
-    All that the file says of it, and the times, which are read in parts, must agree with a rate of the file.
-    """
-    for role, channel in channels.items():
-        if role not in (TIME, RATE):
-            if role not in options.further:
-                check_unit(role, channel.name, channel.unit, options.position_unit, source=source)
-            check_shape(channel.shape, channel.name, source=source)
-    rates = (
-        [parse_rate(number, source=source) for number in channels[RATE].values]
-        if RATE in channels
-        else []
-    )
-    given = options.sampling_rate
-    if given is not None:  # which of several rates is right
-        rates = sorted(rates, key=lambda rate: abs(rate - given))[:1]
-    for rate in rates:
-        check_same_rate(given or rates[0], rate, source=source, name=channels[RATE].name)
-    stated = given or next(iter(rates), None)
-    if TIME not in channels:
-        if stated is None:
-            raise DataError(
-                f"{source}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
-                f"({', '.join(TIME_NAMES)}): pass sampling_rate in Hz."
-            )
-        return stated
-    time, size = channels[TIME], max(channels["position"].shape)
-    samples = check_shape(time.shape, time.name, source=source)
-    check_sizes({"position": size, time.name: samples}, source=source)
-    factor = time_factor(time.name, time.unit, source=source)
-    parts = (part * (factor or 1.0) for part in times)
-    measured = compute_rate_of_parts(parts, samples, source=source, name=time.name)
-    if stated is None and factor is None and measured < LOWEST_RATE:
+def _choose_rate(variables: Mapping[str, Variable], stated: float | None, *, source: str) -> float:
+    """Choose the sampling rate [Hz]: the stated one, that of the file, or that of the times; all must agree."""
+    if RATE in variables:
+        stated = _choose_stated_rate(variables[RATE], stated, source=source)
+    if TIME in variables:
+        samples = max(variables["position"].shape)
+        measured = _measure_rate(variables[TIME], samples, stated, source=source)
+        return stated or measured
+    if stated is None:
         raise DataError(
-            f"{source}: {time.name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it "
+            f"{source}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
+            f"({', '.join(TIME_NAMES)}): pass sampling_rate in Hz."
+        )
+    return stated
+
+
+def _choose_stated_rate(variable: Variable, given: float | None, *, source: str) -> float:
+    """The given rate [Hz], else the first one of the file; all that count must agree with it."""
+    rates = [parse_rate(number, source=source) for number in variable.read()]
+    if given is not None:  # which of several rates is right
+        rates = [min(rates, key=lambda rate: abs(rate - given))]
+    stated = given or rates[0]
+    for rate in rates:
+        check_same_rate(stated, rate, source=source, name=variable.name)
+    return stated
+
+
+def _measure_rate(variable: Variable, samples: int, stated: float | None, *, source: str) -> float:
+    """Rate [Hz] of the times, which must agree with a stated one."""
+    size = check_shape(variable.shape, variable.name, source=source)
+    check_sizes({"position": samples, variable.name: size}, source=source)
+    factor = time_factor(variable.name, variable.unit, source=source)
+    times = variable.read() * (factor or 1.0)
+    measured = compute_rate(times, source=source, name=variable.name)
+    if stated is not None:
+        check_same_rate(stated, measured, source=source, name=variable.name)
+    elif factor is None and measured < LOWEST_JOINT_RATE:
+        raise DataError(
+            f"{source}: {variable.name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it "
             "time_ms; or pass sampling_rate in Hz."
         )
-    check_same_rate(stated or measured, measured, source=source, name=time.name)
-    return stated or measured
+    return measured

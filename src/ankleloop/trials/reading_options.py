@@ -10,25 +10,34 @@ from typing import Any, Literal, Self
 from pydantic import field_validator, model_validator
 
 from ankleloop.options import Options, option, show_value
+from ankleloop.trials.channels import CHANNELS
 
+NO_REFERENCE = "none"  # in place of the name of a variable
 # Names of further variables: not those that a trial has anyway, or that its reading records.
-NAME = r"(?!torque|(position(_unit|_sign)?|reference|time|sampling_rate|source)$)[A-Za-z]\w*(?<!_variable)"
-FORM = "pairs of a name in the trial and the variable of the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
+FURTHER_NAME = r"(?!torque|(position(_unit|_sign)?|reference|time|sampling_rate|source)$)[A-Za-z]\w*(?<!_variable)"
+PAIRS = "pairs of a name in the trial and the variable of the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
 
 
 class ReadingOptions(Options):
     """How the variables of a file become the channels of a trial: their names, units and signs."""
 
-    position: str = option("position", "name of the position variable in the file")
-    torque: str = option("torque", "name of the torque variable in the file")
+    position: str | None = option(
+        None, "name of the position variable in the file; null: found by its name", min_length=1
+    )
+    torque: str | None = option(
+        None, "name of the torque variable in the file; null: found by its name", min_length=1
+    )
     reference: str | None = option(
-        None, "name of the command of the servo in the file; null where it was not recorded"
+        None,
+        "name of the command of the servo in the file, or none to take no variable for it; null: found by its name, "
+        "where one has such a name",
+        min_length=1,
     )
     sampling_rate: float | None = option(
         None, "sampling rate; null: that of the file", unit="Hz", ge=0.001, le=1e9
     )
-    position_unit: Literal["rad", "deg"] = option(
-        "rad", "unit of position and reference in the file"
+    position_unit: Literal["rad", "deg"] | None = option(
+        None, "unit of position and reference in the file; null: as the file states it, else rad"
     )
     position_sign: Literal[1, -1] = option(1, "-1 turns position and reference round")
     torque_sign: Literal[1, -1] = option(
@@ -51,14 +60,13 @@ class ReadingOptions(Options):
             return None
         pairs = value
         if isinstance(value, str):
-            parts = (pair.partition("=") for pair in value.split(","))
+            parts = [pair.partition("=") for pair in value.split(",")]
             pairs = {name.strip(): variable.strip() for name, _, variable in parts}
-        if not isinstance(pairs, Mapping) or not all(
-            isinstance(x, str) and x for pair in pairs.items() for x in pair
-        ):
-            raise ValueError(f"variables must be {FORM}; got {show_value(value)}.")
+        texts = [*pairs, *pairs.values()] if isinstance(pairs, Mapping) else [None]
+        if not all(isinstance(text, str) and text for text in texts):
+            raise ValueError(f"variables must be {PAIRS}; got {show_value(value)}.")
         for name in pairs:
-            if not re.fullmatch(NAME, name, re.ASCII):
+            if not re.fullmatch(FURTHER_NAME, name, re.ASCII):
                 raise ValueError(
                     f"variables: a further variable of the trial cannot be called {name!r}: take letters, digits and "
                     "underscores, but no name that a trial has anyway, as torque and position."
@@ -78,15 +86,17 @@ class ReadingOptions(Options):
         return self
 
     @property
-    def channels(self) -> dict[str, str]:
-        """Names of the variables in the file by channel; the reference only where it was recorded."""
-        names = {"position": self.position, "torque": self.torque, "reference": self.reference}
-        return {channel: name for channel, name in names.items() if name is not None}
+    def names(self) -> dict[str, str | None]:
+        """Names of all variables in the file by their names in the trial; None where they are to be found."""
+        channels = {channel: getattr(self, channel) for channel in CHANNELS}
+        if self.reference == NO_REFERENCE:
+            del channels["reference"]
+        return {**channels, **self.further}
 
     @property
-    def names(self) -> dict[str, str]:
-        """Names of all variables in the file by their names in the trial."""
-        return {**self.channels, **self.further}
+    def channels(self) -> dict[str, str]:
+        """Names of the variables in the file by channel, where they are stated."""
+        return {role: name for role, name in self.names.items() if name and role in CHANNELS}
 
     @property
     def further(self) -> dict[str, str]:

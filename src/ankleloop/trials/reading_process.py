@@ -19,8 +19,9 @@ import subprocess
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
@@ -28,14 +29,8 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError, ResourceError
-from ankleloop.trials.channels import (
-    SUFFIXES,
-    Contents,
-    Variable,
-    find_suffix,
-    find_variables,
-    select_channels,
-)
+from ankleloop.trials import channels
+from ankleloop.trials.contents import Contents, Variable
 from ankleloop.trials.files import (
     PathLike,
     UnreadableError,
@@ -44,10 +39,13 @@ from ankleloop.trials.files import (
     stamp_file,
 )
 
-SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0  # of the processor for a file
+SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
+# Limits of the processor and of memory for a file.
+SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0
+BYTES, BYTES_PER_BYTE = 1 << 30, 4
 PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
-BYTES, BYTES_PER_BYTE = 1 << 30, 4  # of memory for a file
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+MATLAB_HEADER = 512  # bytes before that signature in files of MATLAB v7.3
 PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_process import main; main()"
 WHOLE = "check that the file is whole and its suffix right, or restore it from a copy"
 # How the process may end without an answer, where that says nothing about the file.
@@ -58,17 +56,22 @@ ENDS = {
 }
 
 
-def list_variables(path: PathLike, case: int | None = None) -> list[Variable]:
-    """List the variables of a file of any size: full names, units and shapes."""
-    return list(read_channels(path, case, "list").values())
+def find_channels(
+    path: PathLike, case: int | None, names: Mapping[str, str | None]
+) -> dict[str, Variable]:
+    """Find the variables of a trial in a file of any size by role, without their samples.
+
+    `names` are those in the file by role, None where they are to be found, as `channels.find_names` does.
+    """
+    return read_channels(path, case, "find", variables=names)
 
 
 def read_channels(
     path: PathLike, case: int | None, task: str = "read", **wanted: Any
 ) -> dict[str, Variable]:
-    """Read the channels of a trial from a file, with its times and its sampling rate.
+    """Read the variables of a trial from a file by role, with its times and its sampling rates.
 
-    `wanted` is what `channels.select_channels` takes beside the open file.
+    `wanted` is what `channels.read_channels` takes beside the open file.
     """
     path = check_readable(path)
     suffix = find_suffix(path)
@@ -78,6 +81,11 @@ def read_channels(
         )
     with name_errors(path.name, f"{suffix} file", WHOLE):
         return _ask(path, task, case, wanted)
+
+
+def find_suffix(path: Path) -> str | None:
+    """Suffix by which the format of a file is chosen; None if it is unknown."""
+    return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), None)
 
 
 @contextmanager
@@ -107,31 +115,29 @@ def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
 
 
 def _describe(cause: Exception) -> str:
-    kind = "" if isinstance(cause, UnreadableError) else f"{type(cause).__name__}: "
-    return f"{kind}{cause}".partition("\n")[0][:300]
+    """What an error says, in one line, with its type unless it is one of ours."""
+    text = str(cause) if isinstance(cause, UnreadableError) else f"{type(cause).__name__}: {cause}"
+    return text.partition("\n")[0][:300]
 
 
-_reader: tuple[subprocess.Popen[bytes], Connection] | None = (
-    None  # the process that opens files, and the pipe to it
-)
+# The process that opens files, and the pipe to it.
+_reader: tuple[subprocess.Popen[bytes], Connection] | None = None
 _lock = threading.Lock()
 
 
 def _start() -> tuple[subprocess.Popen[bytes], Connection]:
+    """Start the process that opens files."""
     pipe, end = Pipe()
+    package_folder = str(Path(__file__).parents[2])
     # -P: files of the current folder that have the name of a module are not imported.
-    command = [
-        sys.executable,
-        "-P",
-        "-c",
-        PROGRAM,
-        str(Path(__file__).parents[2]),
-        str(end.fileno()),
-    ]
-    nothing = subprocess.DEVNULL
+    command = [sys.executable, "-P", "-c", PROGRAM, package_folder, str(end.fileno())]
     with end:
         process = subprocess.Popen(
-            command, stdout=nothing, stderr=nothing, pass_fds=[end.fileno()], start_new_session=True
+            command,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            pass_fds=[end.fileno()],
+            start_new_session=True,
         )
     return process, pipe
 
@@ -141,15 +147,17 @@ def stop() -> None:
     """End the process that reads files; the next file starts it again."""
     global _reader
     if _reader is not None:
-        _reader[0].kill()
-        _reader[0].wait()
+        process, _ = _reader
+        process.kill()
+        process.wait()
         _reader = None
 
 
 def _forget() -> None:
     """A fork of this program starts a process of its own."""
     global _reader, _lock
-    _reader, _lock = None, threading.Lock()
+    _reader = None
+    _lock = threading.Lock()
 
 
 os.register_at_fork(after_in_child=_forget)
@@ -158,22 +166,27 @@ os.register_at_fork(after_in_child=_forget)
 def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dict[str, Variable]:
     """What the other process reads of a file."""
     global _reader
-    stamp, size = stamp_file(path), path.stat().st_size
+    stamp = stamp_file(path)
+    size = path.stat().st_size
     if size == 0:
         raise UnreadableError("it is empty, 0 bytes")
-    limits = (SECONDS + SECONDS_PER_MEGABYTE * size / 1e6, BYTES + BYTES_PER_BYTE * size)
+    request = {
+        "task": task,
+        "path": str(path.absolute()),
+        "case": case,
+        "seconds": SECONDS + SECONDS_PER_MEGABYTE * size / 1e6,
+        "memory": BYTES + BYTES_PER_BYTE * size,
+        "wanted": wanted,
+    }
     with _lock:
         if _reader is None or _reader[0].poll() is not None:
             _reader = _start()
         try:
-            return _exchange(
-                *_reader, [task, str(path.absolute()), case, *limits, wanted], path.name
-            )
+            return _exchange(*_reader, request, path.name)
         except DataError:
             raise
-        except (
-            BaseException
-        ):  # a library has failed, or the answer may be half read, after Ctrl-C for example
+        except BaseException:
+            # A library has failed, or the answer may be half read, after Ctrl-C for example.
             stop()
             raise
         finally:
@@ -184,35 +197,51 @@ def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dic
 
 
 def _exchange(
-    process: subprocess.Popen[bytes], pipe: Connection, request: list[Any], name: str
+    process: subprocess.Popen[bytes], pipe: Connection, request: dict[str, Any], name: str
 ) -> dict[str, Variable]:
-    """Send a request about a file, and receive channels."""
-    channels = {}
+    """Send a request about a file, and receive variables by role."""
+    variables = {}
     try:
         pipe.send_bytes(json.dumps(request).encode())
         while isinstance(message := json.loads(pipe.recv_bytes()), list):
             role, variable, unit, shape = message
-            samples = np.frombuffer(pipe.recv_bytes(), "<f8")
-            channels[role] = Variable(variable, tuple(shape), samples.__getitem__, {"unit": unit})
+            read = partial(np.frombuffer, pipe.recv_bytes(), "<f8")
+            variables[role] = Variable(variable, tuple(shape), read, {"unit": unit})
     except (OSError, EOFError):
-        code = process.wait()
-        if code in ENDS:
-            raise ResourceError(f"{name}: {ENDS[code]}; try again.") from None
-        is_late = code == -signal.SIGPROF
-        limit = f"stopped after {request[3]:.0f} s, the limit for its size"
-        raise UnreadableError(
-            limit if is_late else f"it crashed the process that reads it, status {code}"
-        ) from None
+        status = process.wait()
+        if status in ENDS:
+            raise ResourceError(f"{name}: {ENDS[status]}; try again.") from None
+        if status == -signal.SIGPROF:
+            fault = f"stopped after {request['seconds']:.0f} s, the limit for its size"
+        else:
+            fault = f"it crashed the process that reads it, status {status}"
+        raise UnreadableError(fault) from None
     if "refusal" in message:
         raise DataError(message["refusal"])
     if "reason" in message:
         raise UnreadableError(message["reason"])
     for text in message["warnings"]:
-        warnings.warn(text, UserWarning, stacklevel=7)  # of the caller of read_trial
-    return channels
+        warnings.warn(text, UserWarning, stacklevel=5)  # of the caller of read_trial
+    return variables
 
 
 # --- What runs in the other process
+
+
+def _try(contents: Contents) -> tuple[()]:
+    """Read everything, and give nothing."""
+    for name in contents.names():
+        variable = contents.find(name)
+        if variable is not None:
+            variable.read()
+    return ()
+
+
+TASKS: dict[str, Any] = {
+    "find": channels.find_channels,
+    "read": channels.read_channels,
+    "try": _try,
+}
 
 
 def main() -> None:
@@ -220,30 +249,24 @@ def main() -> None:
     pipe = Connection(int(sys.argv[2]))
     with suppress(EOFError):
         while True:
-            pipe.send_bytes(json.dumps(_answer(pipe, json.loads(pipe.recv_bytes()))).encode())
+            request = json.loads(pipe.recv_bytes())
+            pipe.send_bytes(json.dumps(_answer(pipe, request)).encode())
 
 
-def _answer(pipe: Connection, request: list[Any]) -> dict[str, Any]:
-    """Send the channels that a task with a file gives; its end."""
-    task, name, case, seconds, memory, wanted = request
-    path = Path(name)
+def _answer(pipe: Connection, request: dict[str, Any]) -> dict[str, Any]:
+    """Do a task with a file, and send the variables that it gives; its end."""
+    path = Path(request["path"])
+    memory = request["memory"]
     try:
         container = choose_container(path)  # a library is imported without limits
-        _limit(seconds, memory)
-        if task == "read" and "part" not in wanted:
-            has_checksum(path)
-        contents = container(path, case)
-        if task == "try":
-            for variable in filter(None, map(contents.find, contents.names())):
-                variable.read(slice(None))
-        channels = (
-            select_channels(contents, **wanted)
-            if task == "read"
-            else enumerate(find_variables(contents))
-        )
-        for role, channel in channels:
-            pipe.send_bytes(json.dumps([role, channel.name, channel.unit, channel.shape]).encode())
-            pipe.send_bytes(channel.values.tobytes())
+        _limit(request["seconds"], memory)
+        has_checksum(path)
+        contents = container(path, request["case"])
+        task = TASKS[request["task"]]
+        for role, variable, numbers in task(contents, **request["wanted"]):
+            description = [role, variable.name, variable.unit, numbers.shape]
+            pipe.send_bytes(json.dumps(description).encode())
+            pipe.send_bytes(numbers.tobytes())
         return {"warnings": contents.warnings}
     except DataError as error:
         return {"refusal": str(error)}
@@ -270,14 +293,11 @@ def choose_container(path: Path) -> type[Contents]:
     )
 
     with open(path, "rb") as file:
-        start = file.read(512 + len(HDF5_SIGNATURE))
-    if start.startswith(HDF5_SIGNATURE) or start.endswith(
-        HDF5_SIGNATURE
-    ):  # behind the header that MATLAB writes
+        start = file.read(MATLAB_HEADER + len(HDF5_SIGNATURE))
+    if HDF5_SIGNATURE in (start[: len(HDF5_SIGNATURE)], start[MATLAB_HEADER:]):
         return Hdf5Contents
-    return {".flb": FlbContents, ".mat": MatContents, ".nc": ClassicNetcdfContents}.get(
-        suffix, Hdf5Contents
-    )
+    containers = {".flb": FlbContents, ".mat": MatContents, ".nc": ClassicNetcdfContents}
+    return containers.get(suffix, Hdf5Contents)
 
 
 def _limit(seconds: float, memory: int) -> None:
@@ -288,7 +308,6 @@ def _limit(seconds: float, memory: int) -> None:
     signal.setitimer(signal.ITIMER_PROF, seconds)  # of the processor; their signals end the process
     signal.setitimer(signal.ITIMER_REAL, PATIENCE * seconds)
     with suppress(OSError, ValueError):  # not on Linux, or above a limit of the system
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * mmap.PAGESIZE
-        resource.setrlimit(
-            resource.RLIMIT_AS, (used + memory, resource.getrlimit(resource.RLIMIT_AS)[1])
-        )
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        hard_limit = resource.getrlimit(resource.RLIMIT_AS)[1]
+        resource.setrlimit(resource.RLIMIT_AS, (pages * mmap.PAGESIZE + memory, hard_limit))

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from pathlib import Path
 
 import h5py
+import numpy as np
 import pandas as pd
 import scipy.io
 import xarray as xr
@@ -26,20 +29,24 @@ def write_recording(
             columns = {
                 "time_s": trial["time"].values,
                 "angle_deg": channels["position"] * 180.0 / math.pi,
+                "torque_nm": channels["torque"],
             }
-            columns["torque_nm"] = channels["torque"]
             if "reference" in channels:
                 columns["command_deg"] = channels["reference"] * 180.0 / math.pi
             pd.DataFrame(columns).to_csv(partial, index=False)
         elif file_format == "matlab-5":
+            variables = {**channels, "fs": rate}
             scipy.io.savemat(
-                partial, {**channels, "fs": rate}, False, do_compression=True, oned_as="column"
+                partial, variables, appendmat=False, do_compression=True, oned_as="column"
             )
         else:
-            with h5py.File(partial, "w") as file:
-                file.attrs["sampling_rate"] = rate
-                for name, values in channels.items():
-                    data = file.create_dataset(
-                        name, data=values, compression="gzip", fletcher32=True
-                    )
-                    data.attrs["units"] = UNITS[name]
+            _write_hdf5(channels, rate, partial)
+
+
+def _write_hdf5(channels: Mapping[str, np.ndarray], rate: float, path: Path) -> None:
+    """Write channels with their units and checksums."""
+    with h5py.File(path, "w") as file:
+        file.attrs["sampling_rate"] = rate
+        for name, values in channels.items():
+            data = file.create_dataset(name, data=values, compression="gzip", fletcher32=True)
+            data.attrs["units"] = UNITS[name]

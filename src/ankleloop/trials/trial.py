@@ -7,7 +7,7 @@ carries the true parts of its torque, named in `TRUE_TORQUES`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,16 +18,15 @@ from ankleloop.errors import DataError
 from ankleloop.options import check_integer, check_number
 from ankleloop.signals.sampling import (
     check_same_rate,
-    compute_rate_of_parts,
+    compute_rate,
     format_samples,
     parse_rate,
 )
-from ankleloop.trials.channels import VARIABLES, check_unit
+from ankleloop.trials.channels import CHANNELS, VARIABLES
+from ankleloop.trials.units import check_unit
 
-CHANNELS = ("position", "torque", "reference")
 REQUIRED = ("position", "torque")
-
-SMALLEST, LARGEST = 1e-15, 1e15  # of a channel, rad or N·m
+SMALLEST_SPREAD, LARGEST_SAMPLE = 1e-15, 1e15  # of a channel, rad or N·m
 MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usually in degrees
 MAX_DEGREE = 10  # of a drift
 
@@ -81,29 +80,29 @@ def new_trial(
         )
     arrays: dict[str, np.ndarray] = {}
     attributes: dict[str, Any] = {"sampling_rate": rate}
-    for name, value in {
-        "position": position,
-        "torque": torque,
-        "reference": reference,
-        **extras,
-    }.items():
+    values = {"position": position, "torque": torque, "reference": reference, **extras}
+    for name, value in values.items():
         if value is None and name not in REQUIRED:
             continue
         if name in CHANNELS or isinstance(value, list | tuple) or np.ndim(value) > 0:
-            arrays[name] = as_signal(value, name, source=source)
+            arrays[name] = as_samples(value, name, source=source)
         else:
             attributes[name] = _as_attribute(np.asarray(value).item(), name, source)
     check_sizes({name: array.size for name, array in arrays.items()}, source=source)
     time = np.arange(arrays["position"].size) / rate
-    trial = xr.Dataset(
-        {name: ("time", array) for name, array in arrays.items()}, {"time": time}, attributes
-    )
-    for name in ("time", *arrays):
-        unit, long_name = VARIABLES.get(
-            name, ("N·m" if name.startswith("torque") else "", name.replace("_", " "))
-        )
-        trial[name].attrs = {"units": unit, "long_name": long_name}
+    variables = {name: ("time", array, _describe(name)) for name, array in arrays.items()}
+    trial = xr.Dataset(variables, {"time": ("time", time, _describe("time"))}, attributes)
     return validate(trial, source=source)
+
+
+def _describe(name: str) -> dict[str, str]:
+    """Unit and long name of a variable, as its attributes."""
+    if name in VARIABLES:
+        unit, long_name = VARIABLES[name]
+    else:
+        unit = "N·m" if name.startswith("torque") else ""
+        long_name = name.replace("_", " ")
+    return {"units": unit, "long_name": long_name}
 
 
 def segment(trial: xr.Dataset, start: float, stop: float) -> xr.Dataset:
@@ -132,9 +131,8 @@ def segment(trial: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     >>> segment(trial, 0.2, 0.5).sizes["time"]
     30
     """
-    start, stop = (
-        check_number("segment", *edge, "s") for edge in (("start", start), ("stop", stop))
-    )
+    start = check_number("segment", "start", start, "s")
+    stop = check_number("segment", "stop", stop, "s")
     time = trial["time"].values
     inside = (time >= start - 1e-9) & (time < stop - 1e-9)
     source = f"{trial.attrs['source']}: " if "source" in trial.attrs else ""
@@ -155,7 +153,8 @@ def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
     degree = check_integer("remove_drift", "degree", degree, ge=0, le=MAX_DEGREE)
     torque = trial["torque"].values
     grid = np.linspace(-1.0, 1.0, torque.size)
-    detrended = torque - np.polynomial.Legendre.fit(grid, torque, degree)(grid)
+    drift = np.polynomial.Legendre.fit(grid, torque, degree)
+    detrended = torque - drift(grid)
     if np.ptp(detrended) <= 1e-9 * np.ptp(torque):
         raise DataError(
             f"a polynomial of degree {degree} takes all of the torque: there is nothing but drift in it."
@@ -163,17 +162,15 @@ def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
     return validate(trial.assign(torque=trial["torque"].copy(data=detrended)))
 
 
-def as_signal(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
+def as_samples(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
     """Copy real numbers into a 1-D array of float64.
 
     Shapes: values (N,); returns (N,).
     """
     try:
-        array = (
-            values if isinstance(values, np.ma.MaskedArray) else np.ma.asarray(np.asarray(values))
-        )
+        array = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
     except (TypeError, ValueError):  # lists of different lengths
-        array = np.ma.asarray(np.array(None))
+        array = np.array(None)
     if array.dtype.kind not in "iuf":
         raise DataError(
             f"{source}: {name} is of type {array.dtype}, not real numbers: convert it, or choose another."
@@ -231,7 +228,8 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
                 f"{source}: there is no variable {name} among {sorted(map(str, trial.variables))}: make the trial with "
                 "new_trial, or name the variable in read_trial."
             )
-    for name, variable in ((str(name), variable) for name, variable in trial.variables.items()):
+    for key, variable in trial.variables.items():
+        name = str(key)
         if variable.dims != ("time",) or variable.dtype != np.float64:
             raise DataError(
                 f"{source}: {name} is of type {variable.dtype} and of shape {variable.shape} over {variable.dims}, not "
@@ -240,80 +238,36 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
         if name in CHANNELS or name.startswith("torque"):
             check_unit(name, name, str(variable.attrs.get("units", "")), "rad", source=source)
     time = trial.variables["time"].values
-    measured = compute_rate_of_parts([time], time.size, source=source)
+    measured = compute_rate(time, source=source)
     rate = parse_rate(trial.attrs.get("sampling_rate", measured), source=source)
     check_same_rate(rate, measured, source=source)
-    check_samples(
-        [{str(name): trial.variables[name].values for name in trial.data_vars}],
-        rate,
-        time[0],
-        source=source,
-    )
+    samples = {str(name): trial.variables[name].values for name in trial.data_vars}
+    _check_samples(samples, rate, time[0], source)
     return trial if "sampling_rate" in trial.attrs else trial.assign_attrs(sampling_rate=rate)
 
 
-def check_samples(
-    blocks: Iterable[Mapping[str, np.ndarray]], rate: float, start: float = 0.0, *, source: str
+def _check_samples(
+    samples: Mapping[str, np.ndarray], rate: float, start: float, source: str
 ) -> None:
-    """Refuse samples that are not finite, channels that are constant, and speeds that no joint reaches.
-
-    The samples come in one block or several, of which the first one begins at `start` [s].
-    """
-    channels: dict[str, _Channel] = {}
-    fastest, fastest_sample, before = 0.0, 0, np.empty(0)
-    for block in blocks:
-        position = np.concatenate([before, block["position"]]) if before.size else block["position"]
-        for name, values in block.items():
-            channels.setdefault(name, _Channel()).add(values)
-        if not channels["position"].missing:
-            sample, speed = peak_speed(position, rate)
-            if not speed <= fastest:
-                fastest, fastest_sample = (
-                    speed,
-                    channels["position"].samples - position.size + sample,
-                )
-        before = position[-2 * _speed_margin(rate) :].copy()
-    for name, channel in channels.items():
-        if channel.missing:
+    """Refuse samples that are not finite, channels that are constant, and speeds that no joint reaches."""
+    limits = {name: (values.min(), values.max()) for name, values in samples.items()}
+    for name, (low, high) in limits.items():
+        if not (np.isfinite(low) and np.isfinite(high)):
+            missing = np.flatnonzero(~np.isfinite(samples[name]))
             raise DataError(
-                f"{source}: {name} is not finite at sample {channel.sample} ({start + channel.sample / rate:g} s), "
-                f"{format_samples(channel.missing)} in all: cut the trial there or repair the channel."
+                f"{source}: {name} is not finite at sample {missing[0]} ({start + missing[0] / rate:g} s), "
+                f"{format_samples(missing.size)} in all: cut the trial there or repair the channel."
             )
     for name in CHANNELS:
-        if name in channels:
-            _check_spread(name, channels[name], source)
-    if not fastest <= MAX_SPEED:
+        if name in samples:
+            _check_spread(name, *limits[name], samples[name].size, source)
+    sample, speed = peak_speed(samples["position"], rate)
+    if not speed <= MAX_SPEED:
         raise DataError(
-            f"{source}: position moves at {fastest:.4g} rad/s at sample {fastest_sample} "
-            f"({start + fastest_sample / rate:g} s), above {MAX_SPEED:g} rad/s: is the position in degrees? pass "
-            "position_unit='deg', or convert it to rad; otherwise look for a spike there."
+            f"{source}: position moves at {speed:.4g} rad/s at sample {sample} ({start + sample / rate:g} s), above "
+            f"{MAX_SPEED:g} rad/s: is the position in degrees? pass position_unit='deg', or convert it to rad; "
+            "otherwise look for a spike there."
         )
-
-
-class _Channel:
-    """Statistics of a channel."""
-
-    def __init__(self) -> None:
-        self.samples, self.missing, self.sample = (
-            0,
-            0,
-            -1,
-        )  # `sample` is the first one that is missing
-        self.low, self.high = np.inf, -np.inf
-
-    def add(self, values: np.ndarray) -> None:
-        """Take in the next samples."""
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size and not self.missing:
-            self.sample = self.samples + int(bad[0])
-        self.missing += bad.size
-        self.low, self.high = min(self.low, values.min()), max(self.high, values.max())
-        self.samples += values.size
-
-
-def _speed_margin(rate: float) -> int:
-    """Samples on each side of one that its speed is computed of."""
-    return max(1, round(0.003 * rate))
 
 
 def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
@@ -322,32 +276,37 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     Speed is the change between the mean of the 3 ms before a sample and the mean of the 3 ms after it: a difference of
     neighbours at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
     """
-    half = min(_speed_margin(rate), (position.size - 1) // 2)
+    half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
     end = position.size - half
     with np.errstate(over="ignore", invalid="ignore"):  # of what is refused
-        change = np.diff(position, prepend=position[:1])  # of two samples
-        if half:
-            change = sum(
-                position[half + k : end + k] - position[half - k : end - k]
-                for k in range(1, half + 1)
-            )
+        if half == 0:  # two samples
+            return 1, float(abs(position[1] - position[0])) * rate
+        change = np.zeros(end - half)
+        for lag in range(1, half + 1):
+            change += position[half + lag : end + lag] - position[half - lag : end - lag]
         sample = int(np.argmax(np.abs(change)))
         # The means lie half + 1 samples apart, and each is a sum over half samples.
-        return half + sample, float(abs(change[sample])) * rate / max(half * (half + 1), 1)
+        speed = float(abs(change[sample])) * rate / (half * (half + 1))
+    return half + sample, speed
 
 
-def _check_spread(name: str, channel: _Channel, source: str) -> None:
+def _check_spread(name: str, low: float, high: float, size: int, source: str) -> None:
     """Refuse a channel that is constant, or that computers cannot hold the squares of with all digits."""
     with np.errstate(over="ignore"):
-        spread, largest = channel.high - channel.low, max(-channel.low, channel.high)
+        spread = high - low
+        largest = max(-low, high)
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
     if spread <= 1e-12 * largest:
-        count, remedy = format_samples(channel.samples), "leave it out, or " * (name == "reference")
+        remedy = "leave it out, or check" if name == "reference" else "check"
         raise DataError(
-            f"{source}: {name} is constant ({channel.low:g} at all {count}): {remedy}check the channel."
+            f"{source}: {name} is constant ({low:g} at all {format_samples(size)}): {remedy} the channel."
         )
-    if spread < SMALLEST or largest > LARGEST:
-        fault = f"varies by {spread:.3g}" if spread < SMALLEST else f"reaches {largest:.3g}"
-        raise DataError(
-            f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale."
-        )
+    if spread < SMALLEST_SPREAD:
+        fault = f"varies by {spread:.3g}"
+    elif largest > LARGEST_SAMPLE:
+        fault = f"reaches {largest:.3g}"
+    else:
+        return
+    raise DataError(
+        f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale."
+    )

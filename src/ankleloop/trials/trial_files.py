@@ -5,22 +5,23 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.options import check_flag, check_path
+from ankleloop.options import as_plain, check_flag, check_path
 from ankleloop.trials.files import PathLike, atomic_netcdf, write_netcdf
 from ankleloop.trials.reading_process import readable_file
 from ankleloop.trials.trial import validate
 
-INDEX = "index"  # variable with point and number of each trial, and its attributes or why it is missing, as JSON
+if TYPE_CHECKING:
+    import h5netcdf
 
-Trials = Iterator[
-    tuple[str, int, xr.Dataset | str]
-]  # point and number of each; a text says why there is no trial
+INDEX = "index"  # variable with point and number of each trial, and its attributes or why it is missing, as JSON
+# Point and number of each; a text says why there is no trial.
+Trials = Iterator[tuple[str, int, xr.Dataset | str]]
 
 
 def save_trial(trial: xr.Dataset, path: PathLike, *, overwrite: bool = False) -> None:
@@ -84,18 +85,11 @@ def load_trial(path: PathLike) -> xr.Dataset:
     ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
     """
     path = check_path("load_trial", "path", path)
-    with readable_file(
-        path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial"
-    ) as file:
+    remedy = "restore it from a copy, or write it with save_trial"
+    with readable_file(path, "NetCDF-4 file", remedy) as file:
         # Decoding by the CF conventions could change samples and attributes.
         trial = xr.load_dataset(file, engine="h5netcdf", decode_cf=False).drop_encoding()
-        trial.attrs.update(
-            {
-                name: value.item()
-                for name, value in trial.attrs.items()
-                if isinstance(value, np.generic)
-            }
-        )
+        trial.attrs = {name: as_plain(value) for name, value in trial.attrs.items()}
         return validate(trial, source=path.name)
 
 
@@ -117,26 +111,29 @@ def save_trials(
     with atomic_netcdf(path, overwrite=overwrite) as file:
         file.dimensions = {"trial": len(index)}
         for row, (trial, (point, number)) in enumerate(zip(trials, index, strict=True)):
-            rows.append(
-                json.dumps([point, number, trial if isinstance(trial, str) else trial.attrs])
-            )
+            content = trial if isinstance(trial, str) else trial.attrs
+            rows.append(json.dumps([point, number, content]))
             if isinstance(trial, str):
                 continue
             if "time" not in file.variables:
-                size = file.dimensions["time"] = trial.sizes["time"]
-                file.create_variable("time", ("time",), float)[:] = trial["time"].values
-                for name in trial.data_vars:
-                    file.create_variable(
-                        name, ("trial", "time"), np.dtype(precision), chunks=(1, size)
-                    )
-                for name, variable in trial.variables.items():
-                    file[name].attrs.update(variable.attrs)
-            for name, signal in trial.data_vars.items():
-                if signal.values.any():  # what is not written is zero
-                    file[name][row] = signal.values.astype(precision)
-        file.create_variable(INDEX, ("trial",), h5py.string_dtype())[:] = np.array(
-            rows, dtype=object
-        )
+                _create_variables(file, trial, np.dtype(precision))
+            for name, variable in trial.data_vars.items():
+                if variable.values.any():  # what is not written is zero
+                    file[name][row] = variable.values.astype(precision)
+        texts = file.create_variable(INDEX, ("trial",), h5py.string_dtype())
+        texts[:] = np.array(rows, dtype=object)
+
+
+def _create_variables(file: h5netcdf.File, trial: xr.Dataset, dtype: np.dtype[Any]) -> None:
+    """Create the variables of all trials, which are those of the first one."""
+    size = trial.sizes["time"]
+    file.dimensions["time"] = size
+    times = file.create_variable("time", ("time",), float)
+    times[:] = trial["time"].values
+    for name in trial.data_vars:
+        file.create_variable(name, ("trial", "time"), dtype, chunks=(1, size))
+    for name, variable in trial.variables.items():
+        file[name].attrs.update(variable.attrs)
 
 
 def load_trials(path: PathLike) -> Iterator[xr.Dataset]:
@@ -147,13 +144,14 @@ def load_trials(path: PathLike) -> Iterator[xr.Dataset]:
 def load_rows(path: PathLike, trials: Mapping[str, Sequence[int]] | None = None) -> Trials:
     """Read all trials of a file, or some: the first number at each point, and the one before which they end."""
     with _open(path) as (rows, read):
+        wanted: Iterable[tuple[str, int]] = rows
         if trials is not None:
             wanted = [
                 (point, number)
                 for point, (first, stop) in trials.items()
                 for number in range(first, stop)
             ]
-        for point, number in rows if trials is None else wanted:
+        for point, number in wanted:
             if (point, number) not in rows:
                 raise DataError(
                     f"{path} has no trial {number} of the point {point!r}: delete the file, and simulate again."
@@ -187,25 +185,24 @@ def _open(path: PathLike) -> Iterator[tuple[dict[tuple[str, int], int], Any]]:
         h5py.File(readable) as file,
     ):
         texts = file[INDEX].asstr()[:]
-        rows = {
-            (point, number): row for row, (point, number, _) in enumerate(map(json.loads, texts))
-        }
+        rows = {}
+        for row, text in enumerate(texts):
+            point, number, _ = json.loads(text)
+            rows[point, number] = row
         # Decoding by the CF conventions could change samples and attributes.
         with xr.open_dataset(readable, engine="h5netcdf", decode_cf=False) as dataset:
-            signals = (
-                dataset.drop_vars(INDEX).isel(trial=0, missing_dims="ignore").load().drop_encoding()
-            )
+            first = dataset.drop_vars(INDEX).isel(trial=0, missing_dims="ignore")
+            template = first.load().drop_encoding()
 
         def read(point: str, number: int) -> xr.Dataset | str:
             row = rows[point, number]
-            *_, content = json.loads(
-                texts[row]
-            )  # again: the attributes of all trials would take much memory
+            # Again: the attributes of all trials would take much memory.
+            content = json.loads(texts[row])[2]
             if isinstance(content, str):
                 return content
             # From HDF5 itself, as xarray takes ten times as long; variables that stay open would keep what was read.
-            data = {name: file[name][row].astype(float) for name in signals.data_vars}
-            trial = signals.copy(data=data).assign_attrs(content)
+            data = {name: file[name][row].astype(float) for name in template.data_vars}
+            trial = template.copy(data=data).assign_attrs(content)
             return validate(trial, source=f"{path}, trial {number} of {point}")
 
         yield rows, read

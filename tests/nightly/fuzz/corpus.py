@@ -9,7 +9,7 @@ import scipy.io
 import xarray as xr
 
 from ankleloop import identify, save_estimate, save_trial, simulate
-from ankleloop.trials.files import LENGTH
+from ankleloop.trials.files import CHECKSUM_LENGTH
 from ankleloop.trials.trial_files import save_trials
 
 RATE = 200.0
@@ -102,7 +102,7 @@ def _make_estimate(folder):
 
 def _remove_checksum(path):
     """Without it damage is not seen before the file is read."""
-    path.write_bytes(path.read_bytes()[:-LENGTH])
+    path.write_bytes(path.read_bytes()[:-CHECKSUM_LENGTH])
 
 
 _MAKERS = {

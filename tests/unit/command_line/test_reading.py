@@ -6,8 +6,10 @@ import pytest
 
 from ankleloop import read_trial
 from ankleloop.command_line.reading import map_file
-from ankleloop.trials.reading_options import ReadingOptions
-from ankleloop.trials.reading_process import list_variables
+from ankleloop.recordings.files import load_recording
+from ankleloop.studies.recording_settings import read_recordings
+from ankleloop.trials.reading_options import NO_REFERENCE, ReadingOptions
+from ankleloop.trials.reading_process import find_channels
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
 WAVE = np.sin(np.arange(300) / 20)
@@ -28,7 +30,7 @@ def write_columns(path, *names):
 @pytest.mark.parametrize(
     ("names", "expected"),
     [
-        (("position", "torque"), ("position", "torque", None, "rad")),
+        (("position", "torque"), ("position", "torque", NO_REFERENCE, "rad")),
         (("t", "Angle", "Moment", "Command"), ("Angle", "Moment", "Command", "rad")),
         (
             ("ankle_angle_deg", "ankleTorque_Nm", "ref"),
@@ -38,7 +40,7 @@ def write_columns(path, *names):
             ("angle [deg]", "angle_velocity", "tq", "angleCmd"),
             ("angle [deg]", "tq", "angleCmd", "deg"),
         ),
-        (("theta", "trq", "torque_reflex", "torque_noise"), ("theta", "trq", None, "rad")),
+        (("theta", "trq", "torque_reflex", "torque_noise"), ("theta", "trq", NO_REFERENCE, "rad")),
         (
             ("pos", "torque", "torque_reference", "set_point", "setpoint"),
             ("pos", "torque", "setpoint", "rad"),
@@ -102,7 +104,7 @@ def test_options_decide(tmp_path):
     path = write_columns(tmp_path / "a.csv", "angle", "position", "torque", "ref", "cmd")
     recording = map_file(path, position="angle", reference="cmd")
     assert (recording.position, recording.reference) == ("angle", "cmd")
-    assert map_file(path, position="angle", no_reference=True).reference is None
+    assert map_file(path, position="angle", no_reference=True).reference == NO_REFERENCE
     # What is another channel already leaves no choice.
     assert map_file(path, position="ref", reference="angle").torque == "torque"
 
@@ -123,6 +125,7 @@ def test_stated_units(tmp_path, capsys):
     ("arguments", "words"),
     [
         (["--torque-sign", "2"], "'--torque-sign'"),
+        (["--position-unit", "grad"], "'grad' is not one of 'rad', 'deg'."),
         (["--sampling-rate", "0"], "sampling_rate must be between 0.001 and 1e9 Hz, got 0.0."),
         (["--start", "5", "--stop", "3"], "stop (3 s) must be after start (5 s)"),
         (
@@ -140,15 +143,31 @@ def test_wrong_options(run, tmp_path, arguments, words):
     assert words in " ".join(result.err.split())
 
 
+def test_all_who_read_take_the_same_variables(tmp_path):
+    path = write_columns(tmp_path / "S1.csv", "ankle_angle_deg", "moment", "command_deg", "knee")
+    table = tmp_path / "recordings.csv"
+    table.write_text("file,name,reference\nS1.csv,a,\nS1.csv,b,none\n")
+    trial = read_trial(path, sampling_rate=500.0)
+    assert trial.attrs["reference_variable"] == "command_deg"
+    np.testing.assert_allclose(trial["position"], np.radians(np.round(WAVE, 5)))
+    recordings = read_recordings(table, {"sampling_rate": 500.0})
+    mapped = [map_file(path, sampling_rate=500.0), *recordings["a"]]
+    for recording in mapped:
+        assert load_recording(path, recording.model_dump()).identical(trial)
+    unmoved = [map_file(path, sampling_rate=500.0, no_reference=True), *recordings["b"]]
+    for recording in unmoved:
+        recorded = load_recording(path, recording.model_dump())
+        assert recorded.drop_attrs().identical(trial.drop_vars("reference").drop_attrs())
+
+
 @pytest.mark.parametrize("kind", FILE_FORMATS)
 def test_variables_of_every_format(tmp_path, trial, kind):
     path = tmp_path / f"a{FILE_FORMATS[kind]}"
     write_recording(trial, path, kind)
-    variables = {variable.name: variable for variable in list_variables(path)}
     recording = map_file(path)
-    for name in (recording.position, recording.torque, recording.reference):
-        assert max(variables[name].shape) == trial.sizes["time"]
-        assert variables[name].values.size == 0
+    found = find_channels(path, None, ReadingOptions().names)
+    assert {channel: variable.name for channel, variable in found.items()} == recording.channels
+    assert all(variable.read().size == 0 for variable in found.values())
     recorded = read_trial(path, **recording.model_dump(include=set(ReadingOptions.model_fields)))
     for name in ("position", "torque", "reference"):
         np.testing.assert_allclose(recorded[name], trial[name], rtol=1e-9, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Sampling rates of times that are read in parts."""
+"""Sampling rates of times."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop import DataError
-from ankleloop.signals.sampling import compute_rate_of_parts
+from ankleloop.signals.sampling import compute_rate
 
 
-def outcome(compute):
-    try:
-        return compute()
-    except DataError as error:
-        return str(error)
+def first_fault(time, rate):
+    """The first sample that is not finite, or not one step behind the one before, one by one."""
+    for sample, value in enumerate(time):
+        if not np.isfinite(value):
+            return f"x: time is not finite at sample {sample}: repair it"
+        step = value - time[sample - 1] if sample else 1.0 / rate
+        if step <= 0 or abs(step * rate - 1.0) > 0.0101:
+            return f"x: time is irregular at sample {sample} ("
+    return None
 
 
 _fault = st.tuples(
@@ -26,24 +30,27 @@ _fault = st.tuples(
     size=st.integers(12, 40),
     faults=st.lists(_fault, max_size=2),
     gap=st.integers(12, 39),
-    cuts=st.lists(st.integers(10, 39), max_size=3, unique=True),
     rate=st.sampled_from([100.0, 333.3, 1000.0]),
 )
-def test_parts_have_the_rate_and_the_faults_of_the_whole(size, faults, gap, cuts, rate):
+def test_the_first_fault_is_named(size, faults, gap, rate):
     time = np.arange(size) / rate
     time[gap:] += 0.05 * (gap % 2)
     for sample, value in faults:
         with np.errstate(invalid="ignore"):  # of two infinite faults
             time[sample % size] += value
-    parts = [part for part in np.split(time, sorted(cuts)) if part.size]
-    in_parts = outcome(lambda: compute_rate_of_parts(parts, size, source="x"))
-    assert in_parts == outcome(lambda: compute_rate_of_parts([time], time.size, source="x"))
+    fault = first_fault(time.tolist(), rate)
+    if fault is None:
+        assert compute_rate(time, source="x") == pytest.approx(rate, rel=0.002)
+    else:
+        with pytest.raises(DataError) as error:
+            compute_rate(time, source="x")
+        assert str(error.value).startswith(fault)
 
 
 def test_a_single_time_has_no_rate():
     with pytest.raises(DataError, match="x: t has 1 sample: a trial needs at least 2"):
-        compute_rate_of_parts([np.zeros(1)], 1, source="x", name="t")
+        compute_rate(np.zeros(1), source="x", name="t")
 
 
 def test_two_times_have_a_rate():
-    assert compute_rate_of_parts([np.array([0.0, 0.01])], 2, source="x") == 100.0
+    assert compute_rate(np.array([0.0, 0.01]), source="x") == 100.0

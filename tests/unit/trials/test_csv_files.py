@@ -16,7 +16,7 @@ ROWS = "".join(f"{0.01 * k:.3f},{k * k:.2f},x\n" for k in range(50))
 def columns(folder, text, *names):
     (folder / "a.csv").write_text(text, newline="")
     contents, names = CsvContents(folder / "a.csv"), names or ("position", "torque")
-    return {name: contents.require(name).read(slice(None)) for name in names}
+    return {name: contents.require(name).read() for name in names}
 
 
 def refused(folder, text, *names):
@@ -84,8 +84,9 @@ def test_a_number_that_may_be_cut_off_gives_a_warning(tmp_path):
     (tmp_path / "a.csv").write_text(text)
     with pytest.warns(
         UserWarning, match=r"a.csv: the file ends within line 21, at the torque .361., without"
-    ):
+    ) as caught:
         assert read_trial(tmp_path / "a.csv", sampling_rate=100.0).torque[-1] == 361
+    assert caught[0].filename == __file__
 
 
 @pytest.mark.parametrize("cut", [1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 13, 14, 15, 16, 30])
@@ -95,7 +96,7 @@ def test_wherever_a_file_is_cut_off_no_number_changes_in_silence(tmp_path, cut):
     (tmp_path / "a.csv").write_text(text[:-cut])
     try:
         contents = CsvContents(tmp_path / "a.csv")
-        values = {name: contents.find(name).read(slice(None)) for name in ("position", "torque")}
+        values = {name: contents.find(name).read() for name in ("position", "torque")}
     except DataError:
         return
     if contents.warnings:

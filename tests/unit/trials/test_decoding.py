@@ -7,8 +7,9 @@ import scipy.io
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import check_unit, decode, time_factor
+from ankleloop.trials.contents import decode
 from ankleloop.trials.readers import read_trial
+from ankleloop.trials.units import check_unit, time_factor
 
 RATE = 500.0
 P = 0.02 * np.sin(np.arange(300) / 10)

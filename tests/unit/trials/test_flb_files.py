@@ -5,7 +5,7 @@ import pytest
 from bad_inputs.flb_files import POSITION, RATE, TORQUE, flb_case
 
 from ankleloop import DataError, read_trial
-from ankleloop.trials.reading_process import list_variables
+from ankleloop.trials.binary_files import FlbContents
 
 
 def write(path, *cases):
@@ -35,7 +35,7 @@ def test_cases_count_from_1(tmp_path):
     second = read_trial(path, case=2, position="POS", torque="TQ")
     np.testing.assert_allclose(second.torque, 0.5 * TORQUE, atol=2e-4)
     assert second.attrs["case"] == 2
-    assert [variable.name for variable in list_variables(path, case=3)] == ["channel 1", "\xb5V"]
+    assert FlbContents(path, 3).names() == ["channel 1", "\xb5V"]
     cases = r"case 1: POS, TQ, 0.4 s at 1000 Hz, 'relaxed'; case 2: POS, TQ, 0.4 s"
     with pytest.raises(
         DataError, match=rf"S1.flb: there are 3 cases: choose one by the option case. {cases}"
@@ -48,7 +48,7 @@ def test_cases_count_from_1(tmp_path):
 
 def test_realizations_have_numbers(tmp_path):
     path = write(tmp_path / "S1.flb", flb_case(realizations=2))
-    assert [v.name for v in list_variables(path)] == ["POS/1", "TQ/1", "POS/2", "TQ/2"]
+    assert FlbContents(path).names() == ["POS/1", "TQ/1", "POS/2", "TQ/2"]
     trial = read_trial(path, position="POS/2", torque="TQ/2")
     np.testing.assert_allclose(trial.torque, TORQUE, atol=1e-6)
 

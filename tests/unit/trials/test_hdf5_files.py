@@ -42,6 +42,16 @@ def test_soft_links_are_followed(path, name, links):
     np.testing.assert_array_equal(read_trial(path, position=name).position, P)
 
 
+def test_a_link_that_is_called_as_a_channel(path):
+    with h5py.File(path, "a") as file:
+        file["raw/x17"] = 2.0 * P
+        file["position"] = h5py.SoftLink("/raw/x17")
+        file["reference"] = h5py.SoftLink("/data/angle")
+    trial = read_trial(path, sampling_rate=RATE)
+    np.testing.assert_array_equal(trial.position, 2.0 * P)
+    np.testing.assert_array_equal(trial.reference, P)
+
+
 def test_a_link_to_another_file(path):
     with h5py.File(path.with_name("b.h5"), "w") as file:
         file["angle"] = P

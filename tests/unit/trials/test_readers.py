@@ -11,7 +11,7 @@ import pytest
 import scipy.io
 import xarray as xr
 
-from ankleloop import new_trial, save_trial
+from ankleloop import identify, new_trial, save_trial, simulate
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import TRUE_TORQUES
 from ankleloop.trials.readers import read_trial
@@ -99,6 +99,84 @@ def write_mat(path, **options):
 def test_containers(tmp_path, name, write):
     write(tmp_path / name)
     assert_signals(read_trial(tmp_path / name))
+
+
+# --- which variables are the channels
+
+
+@pytest.mark.parametrize(
+    ("position", "torque", "reference"),
+    [
+        ("position", "torque", "reference"),
+        ("ankle_angle_rad", "AnkleMoment", "cmd"),
+        ("theta", "tq", "angle_command"),
+    ],
+)
+def test_channels_by_their_names(tmp_path, position, torque, reference):
+    columns = {"time": T, position: P, torque: TQ, reference: R, "angle_velocity": P, "emg": TQ}
+    pd.DataFrame(columns).to_csv(tmp_path / "trial.csv", index=False)
+    scipy.io.savemat(tmp_path / "trial.mat", {"rec": columns})
+    write_v73(tmp_path / "v73.mat", {"rec": columns})
+    for name in ("trial.csv", "trial.mat", "v73.mat"):
+        trial = read_trial(tmp_path / name, torque_sign=-1)
+        for channel, expected in {"position": P, "torque": -TQ, "reference": R}.items():
+            np.testing.assert_allclose(trial[channel], expected, rtol=1e-15)
+        assert trial.attrs["reference_variable"].endswith(reference)
+        named = read_trial(tmp_path / name, reference=trial.attrs["reference_variable"])
+        assert named.reference.identical(trial.reference)
+        assert "reference" not in read_trial(tmp_path / name, reference="none")
+
+
+def test_a_trial_from_a_file_is_identified_as_it_is(tmp_path):
+    """The line of the README: the reference is found, so that `identify` needs no more."""
+    simulated = simulate(seed=1, duration=20.0)
+    table = simulated[["position", "torque", "reference"]].to_dataframe().reset_index()
+    table.assign(torque=-table["torque"]).to_csv(tmp_path / "trial.csv", index=False)
+    estimate = identify(read_trial(tmp_path / "trial.csv", torque_sign=-1))
+    expected = identify(simulated)
+    assert estimate.method == expected.method == "riv"
+    assert estimate.stiffness == pytest.approx(expected.stiffness, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words", "options"),
+    [
+        ({"angle": P}, "2 variables may be the position: position, angle.", {"position": "angle"}),
+        ({"left_tq": TQ}, "2 variables may be the torque: torque, left_tq.", {"torque": "left_tq"}),
+        ({"ref": R, "cmd": P}, "2 variables may be the reference: ref, cmd.", {"reference": "cmd"}),
+    ],
+)
+def test_channels_of_which_there_are_several_are_not_guessed(tmp_path, columns, words, options):
+    path = write_csv(tmp_path / "a.csv", **columns)
+    with pytest.raises(DataError, match=f"^a.csv: {words} Name one of them"):
+        read_trial(path)
+    assert_signals(read_trial(path, **options))
+
+
+def test_variables_that_are_something_else_leave_no_choice(tmp_path):
+    path = write_csv(tmp_path / "a.csv", angle=R, target=R, torque_noise=TQ)
+    trial = read_trial(path, variables={"knee": "angle", "light": "target"})
+    assert_signals(trial)
+    assert "reference" not in trial
+    turned = read_trial(path, position="target", reference="/position", torque="torque")
+    np.testing.assert_array_equal(turned.reference, P)
+
+
+def test_single_numbers_and_empty_variables_are_no_channels(tmp_path):
+    columns = {"position": P, "torque": TQ, "ref": 1.0, "command": [], "fs": RATE}
+    scipy.io.savemat(tmp_path / "a.mat", columns)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.update(columns)
+    for name in ("a.mat", "a.h5"):
+        assert "reference" not in read_trial(tmp_path / name)
+
+
+def test_a_channel_among_more_variables_than_a_message_lists(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for k in range(1200):
+            file[f"emg{k}"] = 0.0
+        file.update({"position": P, "torque": TQ, "fs": RATE})
+    assert_signals(read_trial(tmp_path / "a.h5"))
 
 
 # --- CSV
@@ -193,7 +271,7 @@ def test_true_torques_of_a_netcdf_trial(tmp_path):
     trial = read_trial(tmp_path / "a.nc", reference="reference", torque_sign=-1, position_sign=-1)
     for name, values in ({"position": P, "torque": TQ, "reference": R} | true_torques).items():
         np.testing.assert_array_equal(trial[name], -values)
-    assert "reference" not in read_trial(tmp_path / "a.nc")
+    assert "reference" not in read_trial(tmp_path / "a.nc", reference="none")
 
 
 # --- units and signs
@@ -208,14 +286,15 @@ def test_stated_units_contradict_the_option(tmp_path, unit):
         DataError,
         match=r"position is in '.*' .*, but position_unit is 'rad': pass position_unit='deg'",
     ):
-        read_trial(tmp_path / "a.h5")
-    assert_signals(read_trial(tmp_path / "a.h5", position_unit="deg"), rtol=1e-15)
+        read_trial(tmp_path / "a.h5", position_unit="rad")
+    for options in ({}, {"position_unit": "deg"}):
+        assert_signals(read_trial(tmp_path / "a.h5", **options), rtol=1e-15)
 
 
 @pytest.mark.parametrize(
     ("attributes", "shown"),
     [
-        ({"UNITS": "deg"}, "deg"),
+        ({"UNITS": "degs"}, "degs"),
         ({"units": np.array([57.3])}, "[57.3]"),
         ({"units": 57}, "57"),
         ({"Unit": "radians", "units": "rad", "unit": ""}, None),
@@ -234,6 +313,19 @@ def test_units_in_unusual_forms_are_not_taken_for_rad(tmp_path, attributes, show
         DataError, match=rf"a.h5: position is in .*{re.escape(shown)}.* according to the file"
     ):
         read_trial(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("name", ["angle_deg", "angle [deg]", "angle (Degrees)", "angle"])
+def test_the_unit_that_the_file_states(tmp_path, name):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.update({name: np.rad2deg(P), "torque": TQ, "command": np.rad2deg(R), "fs": RATE})
+        file[name].attrs["unit"] = "" if name != "angle" else "deg"
+    trial = read_trial(tmp_path / "a.h5")
+    assert_signals(trial, rtol=1e-15)
+    np.testing.assert_allclose(trial.reference, R, rtol=1e-15)
+    assert trial.attrs["position_unit_of_file"] == "deg"
+    with pytest.raises(DataError, match=r"is in 'deg' .*, but position_unit is 'rad'"):
+        read_trial(tmp_path / "a.h5", position_unit="rad")
 
 
 def test_attributes_record_the_options(tmp_path):

@@ -1,4 +1,4 @@
-"""Options of reading: the same for `read_trial`, long records and the configuration of recordings."""
+"""Options of reading: the same for `read_trial`, the command line and the configuration of recordings."""
 
 import math
 
@@ -14,6 +14,20 @@ def test_factors(unit, sign):
     angle = sign * (math.radians(1) if unit == "deg" else 1.0)
     assert options.factor("position") == options.factor("reference") == angle
     assert options.factor("torque") == options.factor("torque_reflex") == -sign
+
+
+@pytest.mark.parametrize(
+    ("reference", "names"),
+    [
+        (None, {"position": None, "torque": "tq", "reference": None}),
+        ("cmd", {"position": None, "torque": "tq", "reference": "cmd"}),
+        ("none", {"position": None, "torque": "tq"}),
+    ],
+)
+def test_names_that_are_stated_and_names_to_find(reference, names):
+    options = ReadingOptions(torque="tq", reference=reference)
+    assert options.names == names
+    assert options.channels == {channel: name for channel, name in names.items() if name}
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from ankleloop.errors import DataError, ResourceError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import torque_dataset
 from ankleloop.trials import reading_process
-from ankleloop.trials.files import LENGTH, has_checksum
+from ankleloop.trials.files import CHECKSUM_LENGTH, has_checksum
 from ankleloop.trials.reading_process import name_errors
 from ankleloop.trials.trial_files import load_trials, save_trials
 
@@ -158,7 +158,7 @@ def test_the_process_ends_with_its_program(tmp_path):
     good = write_mat(tmp_path / "a.mat")
     script = f"""
         from ankleloop.trials import reading_process
-        reading_process.list_variables({str(good)!r})
+        reading_process.find_channels({str(good)!r}, None, {{"torque": None}})
         print(reading_process._reader[0].pid)
     """
     command = [sys.executable, "-W", "error", "-c", textwrap.dedent(script)]
@@ -208,7 +208,7 @@ def test_every_changed_byte_is_noticed_by_this_process(whole, tmp_path, name, mo
     (tmp_path / name).write_bytes(whole[name])
     assert READERS[name](tmp_path / name)
     rng = np.random.default_rng(0)
-    for place in rng.choice(len(whole[name]) - LENGTH, 20, replace=False):
+    for place in rng.choice(len(whole[name]) - CHECKSUM_LENGTH, 20, replace=False):
         content = bytearray(whole[name])
         content[place] ^= 1 << rng.integers(8)
         (tmp_path / name).write_bytes(content)
@@ -222,7 +222,7 @@ def test_every_changed_byte_is_noticed_by_this_process(whole, tmp_path, name, mo
 def test_a_file_without_a_checksum_is_read_all_the_same(whole, tmp_path, name):
     (tmp_path / name).write_bytes(whole[name])
     expected = READERS[name](tmp_path / name)
-    (tmp_path / name).write_bytes(whole[name][:-LENGTH])
+    (tmp_path / name).write_bytes(whole[name][:-CHECKSUM_LENGTH])
     assert not has_checksum(tmp_path / name)
     for before, after in zip(expected, READERS[name](tmp_path / name), strict=True):
         assert after.identical(before)

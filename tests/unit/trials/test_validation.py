@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ankleloop.errors import DataError
-from ankleloop.signals.sampling import compute_rate_of_parts
+from ankleloop.signals.sampling import compute_rate
 from ankleloop.trials.trial import new_trial, peak_speed, validate
 
 RATE = 1000.0
@@ -136,7 +136,7 @@ def test_time_must_be_regular(trial, change, message):
 
 def test_time_in_single_precision_is_regular():
     time = (np.arange(300_000) / RATE).astype(np.float32).astype(float)
-    assert compute_rate_of_parts([time], time.size, source="x") == pytest.approx(RATE, rel=1e-6)
+    assert compute_rate(time, source="x") == pytest.approx(RATE, rel=1e-6)
 
 
 @pytest.mark.parametrize("factor", [1e-18, 1e18])
