@@ -236,15 +236,10 @@ class SimulationStudy(_StudySettings):
         "everything",
         "what is left on disk: everything, estimates without trials, or scores and parameters alone",
     )
-    job_minutes: float = option(
-        1.0,
-        "length of a job that is aimed at, from the measured cost of its trials",
-        unit="min",
-        gt=0,
-        le=1e4,
-    )
-    trials_per_chunk: int | None = option(
-        None, "trials of one point that share a job, in place of job_minutes", ge=1
+    trials_per_chunk: int = option(
+        200,
+        "trials that share a job: whole points until it has as many; a point of more is divided",
+        ge=1,
     )
     sweep: SweepSettings = option(
         description="what the notebook sweep shows", default_factory=SweepSettings
