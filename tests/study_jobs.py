@@ -42,5 +42,5 @@ def run_jobs(study, folder):
         identify_trials(trials, files, study.name, **arguments)
         scores[files["scores"]] = study.hashes[chunk]
     table = folder / f"{study.name}-trials.parquet"
-    join_tables(table, scores, study.varied, study.rows, study.hash, table.with_suffix(".csv"))
+    join_tables(table, scores, study.rows, study.hash, table.with_suffix(".csv"))
     return SimpleNamespace(table=table, scores=scores, estimates=estimates, trials=trial_files)

@@ -40,3 +40,12 @@ QUANTITIES = {
 }
 
 STIFFNESS = ("K", "B", "I")  # of position, velocity and acceleration, in this order
+
+POINT = (
+    "point."  # begins the name of a column with a value of the point: a varied setting or option
+)
+
+
+def point_column(name: str) -> str:
+    """Column of a table of trials with the values of a varied setting or option; estimates have the bare names."""
+    return POINT + name

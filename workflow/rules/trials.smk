@@ -94,7 +94,6 @@ rule table:
         runtime=half_hour,
     params:
         hashes=lambda w: study_of(w).hashes,
-        varied=lambda w: study_of(w).varied,
         rows=lambda w: study_of(w).rows,
         settings=lambda w: study_of(w).hash,
         library=library("workflow/scripts/table.py"),

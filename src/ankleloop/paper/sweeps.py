@@ -18,7 +18,6 @@ from ankleloop.paper.results import CONDITIONS, SETTINGS, list_faults, true_valu
 from ankleloop.paper.tables import format_pairs
 from ankleloop.paper.trial_tables import (
     ERRORS,
-    ESTIMATED,
     FAULT_SHARES,
     SWEEP_QUANTITIES,
     default_quantities,
@@ -28,6 +27,7 @@ from ankleloop.paper.trial_tables import (
 )
 from ankleloop.plotting.style import MethodStyle, label_styles
 from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
+from ankleloop.quantities import point_column
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
 
@@ -68,7 +68,7 @@ class SweepStudy:
     --------
     >>> import tempfile
     >>> from ankleloop.studies.config import SweepSettings
-    >>> row = {"point": "p", "reflex_gain": 5.0, "method": "riv", "trial": 0, "vaf_net_true": 99.0}
+    >>> row = {"point": "p", "point.reflex_gain": 5.0, "method": "riv", "trial": 0, "vaf_net_true": 99.0}
     >>> shown = SweepSettings(quantities=["vaf_net_true"]).model_dump()
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     pd.DataFrame([row]).to_parquet(f"{folder}/s-trials.parquet")
@@ -99,7 +99,7 @@ class SweepStudy:
         simulation: Mapping[str, Any],
         algorithms: Mapping[str, str] | None = None,
     ) -> SweepStudy:
-        """Read the table of trials of a study, whose parameters are the columns `varied`."""
+        """Read the table of trials of a study, in which the settings and options `varied` differ."""
         table = read_trial_table(path)
         wanted = list(settings["quantities"] or default_quantities(table.columns))
         trials = measure_trials(table, varied, wanted, simulation)
@@ -111,7 +111,10 @@ class SweepStudy:
         points = trials.drop_duplicates("point")
         axes = {
             name: SweepAxis.of(
-                name, label_parameter(name, methods), points[name], CONDITIONS.get(name)
+                name,
+                label_parameter(name, methods),
+                points[point_column(name)],
+                CONDITIONS.get(name),
             )
             for name in varied
         }
@@ -153,7 +156,7 @@ class SweepStudy:
 
     def summarise(self) -> pd.DataFrame:
         """Means over trials of each point and method, as `summarise_sweep`."""
-        by = ["point", *(axis.name for axis in self.parameters), "method"]
+        by = ["point", *(axis.column for axis in self.parameters), "method"]
         return summarise_sweep(self.trials, by, self.quantities)
 
     def label_rows(self, summary: pd.DataFrame) -> pd.DataFrame:
@@ -181,21 +184,19 @@ def measure_trials(
 ) -> pd.DataFrame:
     """Quantities of each trial of a table; errors are relative to the truth of each point, in per cent."""
     faults = list_faults(table)
-    trials = table[["point", "trial", *varied, "method"]].assign(
+    values = map(point_column, varied)
+    trials = table[["point", "trial", *values, "method"]].assign(
         failed=faults["failures"], warned=faults["warnings"]
     )
     table = table.assign(**(100.0 * faults))
     for name in quantities:
         source = ERRORS.get(name, name)
-        # Where the points of a sweep have a value of the same name, the estimate has another column.
-        values = table.get(
-            f"{source}{ESTIMATED}", table.get(source, pd.Series(np.nan, table.index))
-        ).astype(float)
+        values = table.get(source, pd.Series(np.nan, table.index)).astype(float)
         if name in ERRORS:  # an error [%] does not exist where the truth is 0
             setting = SETTINGS[source]
-            truth = table.get(setting, pd.Series(simulation.get(setting), table.index)).astype(
-                float
-            )
+            truth = table.get(
+                point_column(setting), pd.Series(simulation.get(setting), table.index)
+            ).astype(float)
             values = 100.0 * (values / truth.where(truth != 0) - 1.0)
         trials[name] = values
     return trials
@@ -248,9 +249,13 @@ def summarise_effects(
     share it, and points that differ in options alone share their trials, too. Where a value has a single condition, it
     is over the trials of that condition.
     """
-    settings = [name for name in SimulationSettings.model_fields if name in trials]
+    settings = [
+        point_column(name)
+        for name in SimulationSettings.model_fields
+        if point_column(name) in trials
+    ]
     condition = _group(trials, settings).ngroup() if settings else 0
-    values = axis.bin(trials[axis.name]) if binned else trials[axis.name]
+    values = axis.bin(trials[axis.column]) if binned else trials[axis.column]
     table = trials.assign(parameter=axis.name, setting=values, condition=condition)
     by = ["parameter", "setting", "method"]
     several = _group(table, by)["condition"].transform("nunique") > 1
@@ -283,14 +288,14 @@ def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
     """Maps over the first two axes of a sweep; a random design is binned."""
     x, y = sweep.axes[:2]
     trials = sweep.trials
-    if 2 * len(trials[[x.name, y.name]].drop_duplicates()) < len(x.values) * len(
+    if 2 * len(trials[[x.column, y.column]].drop_duplicates()) < len(x.values) * len(
         y.values
     ):  # no grid
-        trials = trials.assign(**{axis.name: axis.bin(trials[axis.name]) for axis in (x, y)})
+        trials = trials.assign(**{axis.column: axis.bin(trials[axis.column]) for axis in (x, y)})
         x, y = (
-            SweepAxis.of(axis.name, axis.label, trials[axis.name], axis.words) for axis in (x, y)
+            SweepAxis.of(axis.name, axis.label, trials[axis.column], axis.words) for axis in (x, y)
         )
-    table = trials.assign(x=trials[x.name], y=trials[y.name])
+    table = trials.assign(x=trials[x.column], y=trials[y.column])
     cells = sweep.label_rows(summarise_sweep(table, ["x", "y", "method"], sweep.quantities))
     figure = maps_figure(cells, (x, y), list(sweep.panels.values()))
     truths = [
@@ -318,7 +323,7 @@ def describe_design(sweep: SweepStudy) -> str:
     """What was varied: each parameter with its values, and the numbers of points, conditions, trials and faults."""
     points = sweep.trials.drop_duplicates("point")
     settings = [
-        axis.name for axis in sweep.parameters if axis.name in SimulationSettings.model_fields
+        axis.column for axis in sweep.parameters if axis.name in SimulationSettings.model_fields
     ]
     conditions = len(points[settings].drop_duplicates()) if settings else 1
     own = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
@@ -362,7 +367,7 @@ def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
                 "method": sweep.labels[method],
                 "rank": rank,
             }
-            row |= {axis.heading: axis.format(point[axis.name]) for axis in sweep.parameters}
+            row |= {axis.heading: axis.format(point[axis.column]) for axis in sweep.parameters}
             row["mean ± sd"] = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")[0]
             rows.append(row | {count: str(point[count]) for count in FAULTS})
     return pd.DataFrame(rows)

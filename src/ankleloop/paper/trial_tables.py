@@ -21,7 +21,7 @@ from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import METHODS
 from ankleloop.paper.captions import label_setting
 from ankleloop.paper.results import SETTINGS
-from ankleloop.quantities import QUANTITIES, Quantity
+from ankleloop.quantities import POINT, QUANTITIES, Quantity
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
@@ -76,15 +76,17 @@ TYPES = {
 }  # of columns that hold no floating-point numbers
 LAST = ("failure", "warnings")
 ENDS = ("_low", "_high")  # of the 95 % interval of a quantity
-ESTIMATED = "_estimated"  # ending of an estimate whose name is that of a parameter of the sweep
 ORDER = {name: rank for rank, name in enumerate([*QUANTITIES, *SWEEP_QUANTITIES])}
 
 
-def as_table(rows: Sequence[Mapping[str, Any]], varied: Mapping[str, pa.DataType]) -> pa.Table:
-    """Rows as a table whose columns have types that no row decides; nan and empty texts are no values."""
+def as_table(rows: Sequence[Mapping[str, Any]], types: Mapping[str, pa.DataType]) -> pa.Table:
+    """Rows as a table whose columns have types that no row decides; nan and empty texts are no values.
+
+    `types` are those of the columns with the values of a point.
+    """
     columns = {}
     for name in dict.fromkeys([*(name for row in rows for name in row), *LAST]):
-        kind = varied.get(name) or TYPES.get(name.removesuffix(ESTIMATED), pa.float64())
+        kind = types.get(name) or TYPES.get(name, pa.float64())
         values = [row.get(name) for row in rows]
         columns[name] = pa.array(
             [None if value == "" else value for value in values], kind, from_pandas=True
@@ -107,7 +109,6 @@ def read_hash(path: PathLike) -> str:
 def join_tables(
     path: PathLike,
     chunks: Mapping[PathLike, str],
-    varied: Sequence[str],
     rows: int,
     settings: str,
     text: PathLike | None = None,
@@ -120,7 +121,7 @@ def join_tables(
         if read_hash(chunk) != expected:
             raise DataError(f"{chunk}: the table was made with other settings: {REMEDY}.")
     schema = pa.unify_schemas([_read_schema(chunk).remove_metadata() for chunk in chunks])
-    schema = pa.schema([schema.field(name) for name in _order_columns(schema.names, varied)])
+    schema = pa.schema([schema.field(name) for name in _order_columns(schema.names)])
     table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(
         use_threads=False
     )
@@ -190,12 +191,13 @@ def _read_schema(path: PathLike) -> pa.Schema:
         return parquet.read_schema(path)
 
 
-def _order_columns(names: Collection[str], varied: Sequence[str]) -> list[str]:
+def _order_columns(names: Collection[str]) -> list[str]:
     """Keys, scores, parameters and diagnostics, faults."""
+    varied = [name for name in names if name.startswith(POINT)]
     first = ["study", "point", *varied, "method", "trial"]
 
     def place(name: str) -> tuple[bool, int, str]:
-        base = name.removesuffix("_low").removesuffix("_high").removesuffix(ESTIMATED)
+        base = name.removesuffix("_low").removesuffix("_high")
         return (
             not name.startswith("vaf_"),
             ORDER.get(base, len(ORDER)),
