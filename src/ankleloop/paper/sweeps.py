@@ -14,7 +14,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ankleloop.errors import DataError
-from ankleloop.paper.results import CONDITIONS, SETTINGS, list_faults, true_values
+from ankleloop.paper.means import list_faults, means, measure_statistics
+from ankleloop.paper.results import CONDITIONS, SETTINGS, true_values
 from ankleloop.paper.tables import format_pairs
 from ankleloop.paper.trial_tables import (
     ERRORS,
@@ -28,7 +29,6 @@ from ankleloop.paper.trial_tables import (
 from ankleloop.plotting.style import MethodStyle, label_styles
 from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
 from ankleloop.quantities import point_column
-from ankleloop.signals.vaf import confidence_margin
 from ankleloop.simulation.settings import SimulationSettings
 
 MOST_COLUMNS = 8  # parameters over which lines are drawn
@@ -226,18 +226,7 @@ def summarise_sweep(
     trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]
 ) -> pd.DataFrame:
     """Means over trials with their spread, and what the means leave out."""
-    groups = _group(trials, by)
-    counts = groups.agg(
-        trials=("failed", "size"), failures=("failed", "sum"), warnings=("warned", "sum")
-    )
-    tables = []
-    for name in quantities:
-        table = groups[name].agg(mean="mean", sd="std", n="count").join(counts)
-        table["margin"] = confidence_margin(table["sd"], table["n"])
-        for column, level in QUANTILES.items():
-            table[column] = groups[name].quantile(level)
-        tables.append(table.reset_index().assign(quantity=name))
-    return pd.concat(tables, ignore_index=True)[[*by, "quantity", *STATISTICS, *FAULTS]]
+    return means(trials, by, quantities, QUANTILES)[[*by, "quantity", *STATISTICS, *FAULTS]]
 
 
 def summarise_effects(
@@ -260,14 +249,9 @@ def summarise_effects(
     by = ["parameter", "setting", "method"]
     several = _group(table, by)["condition"].transform("nunique") > 1
     table["unit"] = table["condition"].where(several, table["trial"])
-    units = (
-        _group(table, [*by, "unit"])[list(quantities)]
-        .mean()
-        .reset_index()
-        .assign(failed=False, warned=False)
-    )
-    means = summarise_sweep(units, by, quantities)[["mean", "sd", "n", "margin"]]
-    return summarise_sweep(table, by, quantities).assign(**means)
+    units = _group(table, [*by, "unit"])[list(quantities)].mean().reset_index()
+    over_units = measure_statistics(units, by, quantities)[["mean", "sd", "n", "margin"]]
+    return summarise_sweep(table, by, quantities).assign(**over_units)
 
 
 def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
-from ankleloop.paper.results import COUNTS, count_outcomes, summarise_scores
+from ankleloop.paper.means import COUNTS, count_outcomes, mean_scores, measure_statistics
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.trials.files import atomic_file, write_csv
 
@@ -74,7 +74,7 @@ def compare_with_published(
 ) -> pd.DataFrame:
     """Mean and standard deviation over trials beside the published numbers."""
     keys = ["method", "torque", "against"]
-    table = summarise_scores(details, [*by, "method"]).merge(published, how="left", on=keys)
+    table = mean_scores(details, [*by, "method"]).merge(published, how="left", on=keys)
     return table[[*by, *keys, "paper", "mean", "sd", "n", *COUNTS]]
 
 
@@ -187,21 +187,23 @@ def _measure_changes(
     values: pd.DataFrame, complete: pd.DataFrame, *, paired: bool
 ) -> dict[str, float]:
     """Means of all columns and their changes ("cost"), with their margins; paired changes are of the same trials."""
-    means, margins = values.mean(), _margins(values)
+    means, margins = _measure_means(values)
     if paired:
-        differences = (values - complete).dropna()
-        costs, cost_margins = differences.mean(), _margins(differences)
+        costs, cost_margins = _measure_means((values - complete).dropna())
     else:
-        costs, cost_margins = means - complete.mean(), np.hypot(margins, _margins(complete))
+        complete_means, complete_margins = _measure_means(complete)
+        costs = means - complete_means
+        cost_margins = np.hypot(margins, complete_margins)
     numbers = {"mean": means, "margin": margins, "cost": costs, "cost_margin": cost_margins}
     return {
         f"{name}_{key}": float(column[name]) for name in COLUMNS for key, column in numbers.items()
     }
 
 
-def _margins(values: pd.DataFrame) -> pd.Series:
-    """Half of the 95 % interval of each mean."""
-    return pd.Series(confidence_margin(values.std(), values.count()), values.columns)
+def _measure_means(values: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
+    """Means of all columns, and half of the 95 % interval of each."""
+    rows = measure_statistics(values.assign(all=""), ["all"], COLUMNS).set_index("quantity")
+    return rows["mean"], rows["margin"]
 
 
 def write_table(table: pd.DataFrame, stem: str, shown: pd.DataFrame, caption: str) -> None:
