@@ -9,13 +9,11 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.paper.means import list_faults
+from ankleloop.quantities import SETTINGS
 
 RATE = 100.0  # Hz, of the identification by default
 MOST_REASONS = 5  # of failures that a sentence each is about
 NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
-# Simulation setting that is the true value of each estimated parameter.
-SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}
-SETTINGS |= {name: name for name in ("omega_n", "zeta", "delay")}
 CONDITIONS: dict[str, dict[Any, str]] = {
     "closed_loop": {True: "closed loop", False: "open loop"},
     "perturbation": {"prbs": "PRBS", "pulses": "decorrelating pulses", "dwells": "random dwells"},

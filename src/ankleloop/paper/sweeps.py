@@ -15,20 +15,16 @@ from matplotlib.figure import Figure
 
 from ankleloop.errors import DataError
 from ankleloop.paper.means import list_faults, means, measure_statistics
-from ankleloop.paper.results import CONDITIONS, SETTINGS, true_values
+from ankleloop.paper.results import CONDITIONS, true_values
 from ankleloop.paper.tables import format_pairs
 from ankleloop.paper.trial_tables import (
-    ERRORS,
-    FAULT_SHARES,
-    SWEEP_QUANTITIES,
     default_quantities,
-    desired_value,
     label_parameter,
     read_trial_table,
 )
 from ankleloop.plotting.style import MethodStyle, label_styles
 from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
-from ankleloop.quantities import point_column
+from ankleloop.quantities import ERRORS, FAULTS, QUANTITIES, SETTINGS, point_column
 from ankleloop.simulation.settings import SimulationSettings
 
 MOST_COLUMNS = 8  # parameters over which lines are drawn
@@ -42,7 +38,7 @@ QUANTILES = {
     "high": 0.9,
 }  # between the outer ones are 80 % of the trials
 STATISTICS = ["mean", "sd", "n", "margin", *QUANTILES]
-FAULTS = ["trials", "failures", "warnings"]
+COUNTS = ["trials", "failures", "warnings"]
 DIFFERENCE = MethodStyle("#222222", "o")
 BANDS = (
     "bands are 95 % confidence intervals of the mean over the conditions of a value, or over its trials where it has "
@@ -143,10 +139,10 @@ class SweepStudy:
         """Panels of quantities and, behind each, of the difference of two methods."""
         panels, varied = {}, [axis.name for axis in self.parameters]
         for name in self.quantities:
-            quantity, truth = SWEEP_QUANTITIES[name], None  # of a parameter that all points share
+            quantity, truth = QUANTITIES[name], None  # of a parameter that all points share
             if name in SETTINGS and SETTINGS[name] not in varied:
                 truth = true_values(self.simulation, [name])[name]
-            panels[name, False] = SweepPanel(name, quantity.label, desired_value(name), truth)
+            panels[name, False] = SweepPanel(name, quantity.label, QUANTITIES[name].goal, truth)
             if self.difference:
                 label = (
                     f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
@@ -162,7 +158,7 @@ class SweepStudy:
     def label_rows(self, summary: pd.DataFrame) -> pd.DataFrame:
         """A summary as figures take it: panels, series, bands and marks; shares of trials have neither of these."""
         table = summary.rename(columns={"mean": "value"})
-        is_share, series = table["quantity"].isin(FAULT_SHARES), table["method"].map(self.labels)
+        is_share, series = table["quantity"].isin([*FAULTS]), table["method"].map(self.labels)
         keys = zip(table["quantity"], series.isna(), strict=True)
         table["series"], table["panel"] = (
             series.fillna(self.difference),
@@ -190,7 +186,7 @@ def measure_trials(
     )
     table = table.assign(**(100.0 * faults))
     for name in quantities:
-        source = ERRORS.get(name, name)
+        source = name.removesuffix("_error")
         values = table.get(source, pd.Series(np.nan, table.index)).astype(float)
         if name in ERRORS:  # an error [%] does not exist where the truth is 0
             setting = SETTINGS[source]
@@ -226,7 +222,7 @@ def summarise_sweep(
     trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]
 ) -> pd.DataFrame:
     """Means over trials with their spread, and what the means leave out."""
-    return means(trials, by, quantities, QUANTILES)[[*by, "quantity", *STATISTICS, *FAULTS]]
+    return means(trials, by, quantities, QUANTILES)[[*by, "quantity", *STATISTICS, *COUNTS]]
 
 
 def summarise_effects(
@@ -283,7 +279,7 @@ def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
     cells = sweep.label_rows(summarise_sweep(table, ["x", "y", "method"], sweep.quantities))
     figure = maps_figure(cells, (x, y), list(sweep.panels.values()))
     truths = [
-        SWEEP_QUANTITIES[panel.quantity].symbol
+        QUANTITIES[panel.quantity].symbol
         for panel in sweep.panels.values()
         if panel.truth is not None
     ]
@@ -311,7 +307,7 @@ def describe_design(sweep: SweepStudy) -> str:
     ]
     conditions = len(points[settings].drop_duplicates()) if settings else 1
     own = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
-    absent = ", ".join(SWEEP_QUANTITIES[name].symbol for name in sweep.absent)
+    absent = ", ".join(QUANTITIES[name].symbol for name in sweep.absent)
     return (
         f"Varied: {'; '.join(map(_list_values, sweep.parameters)) or 'nothing'}. Points: {len(points):,}; conditions "
         f"(points that differ in options alone share their trials): {conditions:,}; trials at each point: "
@@ -331,7 +327,7 @@ def _list_values(axis: SweepAxis) -> str:
 def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     """Points with the best and the worst mean of each quantity and method; lowest and highest without a goal."""
     table = summary[summary["n"] >= LEAST_SHARE * summary["trials"]]
-    goals = table["quantity"].map(desired_value)
+    goals = table["quantity"].map(lambda name: QUANTITIES[name].goal)
     error = np.sqrt(
         table["mean"] ** 2 + table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"]
     )
@@ -342,16 +338,16 @@ def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for name, method in product(sweep.quantities, sweep.labels):
         part = table[(table["quantity"] == name) & (table["method"] == method)]
-        ranks = ("best", "worst") if desired_value(name) else ("lowest", "highest")
+        ranks = ("best", "worst") if QUANTITIES[name].goal else ("lowest", "highest")
         for rank, (_, point) in (
             zip(ranks, part.iloc[[0, -1]].iterrows(), strict=True) if len(part) > 1 else ()
         ):
             row = {
-                "quantity": SWEEP_QUANTITIES[name].label,
+                "quantity": QUANTITIES[name].label,
                 "method": sweep.labels[method],
                 "rank": rank,
             }
             row |= {axis.heading: axis.format(point[axis.column]) for axis in sweep.parameters}
             row["mean ± sd"] = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")[0]
-            rows.append(row | {count: str(point[count]) for count in FAULTS})
+            rows.append(row | {count: str(point[count]) for count in COUNTS})
     return pd.DataFrame(rows)

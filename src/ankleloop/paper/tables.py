@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -147,20 +148,17 @@ def tabulate_omissions(
         place: part.set_index("trial")[COLUMNS].astype(float)
         for place, part in details.groupby(["point", "method"])
     }
-    filtered = {
-        _condition(settings): point
-        for point, settings in points.items()
-        if settings["antialias_cutoff"]
-    }
+    conditions = _name_conditions(points)
     unfiltered = {
-        _condition(settings): point
+        _settings_but_filter(settings): point
         for point, settings in points.items()
         if not settings["antialias_cutoff"]
     }
     rows = []
-    for condition, point in filtered.items():
+    for point, condition in conditions.items():
+        without_filter = unfiltered.get(_settings_but_filter(points[point]))
         for method in (name for name in labels if SEPARATOR not in name):
-            places = {COMPLETE: (point, method), FILTER: (unfiltered.get(condition), method)}
+            places = {COMPLETE: (point, method), FILTER: (without_filter, method)}
             places |= {
                 step.replace("-", " "): (point, f"{method}{SEPARATOR}{step}")
                 for step in OMITTED_STEPS
@@ -175,12 +173,25 @@ def tabulate_omissions(
     return pd.DataFrame(rows)
 
 
-def _condition(settings: Mapping[str, Any]) -> str:
-    return (
-        "without noise"
-        if settings["snr_db"] is None and settings["voluntary"] == 0
-        else "with noise"
-    )
+def _name_conditions(points: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Condition of each point with an anti-aliasing filter, in words; with its name where two have the same words."""
+    words = {
+        point: "without noise" if _is_clean(settings) else "with noise"
+        for point, settings in points.items()
+        if settings["antialias_cutoff"]
+    }
+    counts = Counter(words.values())
+    return {
+        point: text if counts[text] == 1 else f"{text}, {point}" for point, text in words.items()
+    }
+
+
+def _is_clean(settings: Mapping[str, Any]) -> bool:
+    return settings["snr_db"] is None and settings["voluntary"] == 0
+
+
+def _settings_but_filter(settings: Mapping[str, Any]) -> str:
+    return repr(sorted((k, v) for k, v in settings.items() if k != "antialias_cutoff"))
 
 
 def _measure_changes(

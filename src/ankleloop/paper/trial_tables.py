@@ -8,63 +8,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 from pyarrow import dataset, parquet
 
-from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import METHODS
 from ankleloop.paper.captions import label_setting
-from ankleloop.paper.results import SETTINGS
-from ankleloop.quantities import POINT, QUANTITIES, Quantity
+from ankleloop.quantities import POINT, QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
 
-ERRORS = {
-    f"{name}_error": name for name in SETTINGS
-}  # parameter of which a quantity is the relative error
-SHOWN = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
-FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
-TRAJECTORY_SCORES = {
-    "nrmse": ("error of {}(·)", "%"),
-    "bias": ("bias of {}(·)", "%"),
-    "covered": ("covered by the band of {}(·)", "%"),
-    "rise": ("rise time of {}(·)", "s"),
-}
-SYMBOLS = {  # symbol and unit of each quantity
-    **{
-        f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%")
-        for t in TORQUES
-        for against in ("measured", "true")
-    },
-    **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
-    **{error: (f"error of {QUANTITIES[name].symbol}", "%") for error, name in ERRORS.items()},
-    "order": ("order", "1"),
-    "passes": ("passes", "1"),
-    "spectral_radius": ("spectral radius", "1"),
-    "pole_error": ("pole error", "1"),
-    "in_band_snr_db": ("in-band SNR", "dB"),
-    "unseen_instrumental": ("instrumental VAF, unseen", "%"),
-    "unseen_cross_validation": ("net VAF, unseen", "%"),
-    "cycles": ("cycles", "1"),
-    "variation_p": ("p of the variation", "1"),
-    **{
-        f"{name}_{score}": (symbol.format(name), unit)
-        for score, (symbol, unit) in TRAJECTORY_SCORES.items()
-        for name in TRAJECTORY_TRUTHS
-    },
-    **{name: (label, "%") for name, label in FAULT_SHARES.items()},
-}
-# What pictures of a sweep can show: scores, parameters, their errors, and shares of trials with a fault.
-SWEEP_QUANTITIES = {
-    name: Quantity(symbol, symbol, unit) for name, (symbol, unit) in SYMBOLS.items()
-}
 HASH = b"settings"  # key of the hash of the settings that made a file
 REMEDY = "delete it, and run again"
 TYPES = {
@@ -76,7 +35,7 @@ TYPES = {
 }  # of columns that hold no floating-point numbers
 LAST = ("failure", "warnings")
 ENDS = ("_low", "_high")  # of the 95 % interval of a quantity
-ORDER = {name: rank for rank, name in enumerate([*QUANTITIES, *SWEEP_QUANTITIES])}
+ORDER = {name: rank for rank, name in enumerate(QUANTITIES)}
 
 
 def as_table(rows: Sequence[Mapping[str, Any]], types: Mapping[str, pa.DataType]) -> pa.Table:
@@ -214,19 +173,6 @@ def default_quantities(columns: Collection[str]) -> list[str]:
     return [name for name in first if name] + [
         f"{name}_error" for name in ("K", "G") if name in columns
     ]
-
-
-def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
-    """What a method should reach: "high" for a VAF, "zero" for an error or bias, "low" for a share of faults."""
-    if quantity.startswith(("vaf_", "unseen_")):
-        return "high"
-    if quantity in ERRORS or quantity.endswith("_bias"):
-        return "zero"
-    return (
-        "low"
-        if quantity == "pole_error" or quantity.endswith("_nrmse") or quantity in FAULT_SHARES
-        else None
-    )
 
 
 def label_parameter(name: str, labels: Mapping[str, str]) -> str:

@@ -16,7 +16,7 @@ from pydantic import Field, StringConstraints, WithJsonSchema, create_model, mod
 from ankleloop.methods.registry import METHODS
 from ankleloop.methods.selection import check_selection
 from ankleloop.options import Options, option, suggest_name
-from ankleloop.paper.trial_tables import SWEEP_QUANTITIES
+from ankleloop.quantities import TRIAL_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import check_cases
 from ankleloop.studies.recording_settings import MAX_NAME, RECORDING_NAME, Recording
@@ -40,7 +40,9 @@ NOTEBOOKS = {
     "passes": Notebook(("passes",), ("one setting", "settings", "numbers", "cascade")),
     "table2": Notebook(("figure5",), ("trials", "settings")),
     "comparison": Notebook(("stiffness", "vaf"), ("estimates", "settings", "numbers")),
-    "traces": Notebook(("traces",), ("estimates", "settings", "real-time", "truths")),
+    "traces": Notebook(
+        ("traces",), ("estimates", "settings", "real-time", "truths", "shared truths")
+    ),
     "sensitivity": Notebook(("map",), ("two settings", "settings", "truths", "stop rule")),
     "efficiency": Notebook(("efficiency",), ("settings", "truths", "delay")),
     "choosing": Notebook(("choosing",), ("one setting", "settings", "numbers", "truths", "select")),
@@ -158,7 +160,7 @@ class SweepSettings(Options):
             raise ValueError(
                 "no setting and no option differs between the points: give points more than one value"
             )
-        _check_list("quantities", self.quantities, "quantity", SWEEP_QUANTITIES)
+        _check_list("quantities", self.quantities, "quantity", TRIAL_QUANTITIES)
         _check_list("methods", self.methods, "method", methods)
         _check_list("difference", self.difference, "method", methods)
         _check_list("axes", self.axes, "varied parameter", varied)
@@ -333,6 +335,12 @@ class Config(Options):
             raise ValueError(
                 "studies: 'economy' has another table, results/tables/economy.csv: give it another name"
             )
+        for name in self.studies:
+            if name.endswith("-trials") and name.removesuffix("-trials") in self.studies:
+                raise ValueError(
+                    f"studies: {name!r} has the table of all trials of {name.removesuffix('-trials')!r}: "
+                    "give it another name"
+                )
         _check_list("run", self.run, "study", self.studies)
         _check_list("article", self.article, "study", self.studies)
         if self.article_names:

@@ -246,7 +246,12 @@ class RecordedStudy(Study):
         return [dict(items[first : first + count]) for first in range(0, len(items), count)]
 
     def check_files(self) -> None:
-        """Refuse a folder that has none of the files."""
+        """Refuse a folder that has none of the files, and names that Snakemake would take for wildcards."""
+        for name, point in self.points.items():
+            for path in point["paths"]:
+                if "{" in path or "}" in path:
+                    message = f"the recording {name}: Snakemake takes the braces of {path} for wildcards: rename it."
+                    raise key_error(("studies", self.name, "files"), message)
         paths = [path for point in self.points.values() for path in point["paths"]]
         if not any(map(os.path.exists, paths)):
             message = f"none of its {len(paths)} files exists; the first would be {os.path.abspath(paths[0])}."
