@@ -93,7 +93,7 @@ def scale_cores(trials):
     rows = []
     for count, cores in ((trials, 1), (trials, 2), (2 * trials, 2)):
         # Short jobs, so that even a short run has several.
-        options = {"keep": "scores", "job_minutes": 0.5, "simulation": {"duration": 10.0}}
+        options = {"keep": "scores", "trials_per_chunk": 50, "simulation": {"duration": 10.0}}
         study = make_sweep(POINTS, count // CONDITIONS, ("pr-moesp", "riv"), **options)
         with tempfile.TemporaryDirectory() as folder:
             start = time.perf_counter()

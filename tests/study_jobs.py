@@ -23,16 +23,14 @@ def run_jobs(study, folder):
     """Run all jobs of a study; the paths of its table, its estimates and its trial files."""
     settings = study.settings
     folder.mkdir(parents=True, exist_ok=True)
-    trial_files = [folder / f"trials-{number}.nc" for number in range(len(study.trial_chunks))]
-    for path, parts in zip(trial_files, study.trial_chunks, strict=True):
+    trial_files = [folder / f"trials-{number}.nc" for number in range(len(study.trial_files))]
+    for path, parts in zip(trial_files, study.trial_files, strict=True):
         write_trials(path, study.name, precision=settings.precision, **study.simulation(parts))
     estimates, scores = [], {}
     for chunk, parts in enumerate(study.chunks):
         arguments = study.identification(chunk)
         if settings.keep == "everything":
-            trials = read_trials(
-                trial_files[study.trial_chunk_numbers[chunk]], arguments["conditions"]
-            )
+            trials = read_trials(trial_files[study.file_numbers[chunk]], arguments["conditions"])
         else:
             trials = simulate_trials(
                 study.name, precision=settings.precision, **study.simulation(parts)
@@ -44,5 +42,5 @@ def run_jobs(study, folder):
         identify_trials(trials, files, study.name, **arguments)
         scores[files["scores"]] = study.hashes[chunk]
     table = folder / f"{study.name}-trials.parquet"
-    join_tables(table, scores, study.varied, study.rows, study.hash, table.with_suffix(".csv"))
+    join_tables(table, scores, study.rows, study.hash, table.with_suffix(".csv"))
     return SimpleNamespace(table=table, scores=scores, estimates=estimates, trials=trial_files)

@@ -1,9 +1,10 @@
-"""The quantities of the field: name, symbol and unit of each, for labels, tables and messages."""
+"""The quantities of the field: name, symbol, unit and setting of each, for labels, tables and messages."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -13,8 +14,10 @@ class Quantity:
     name: str  # what it is called
     symbol: str  # how it is written
     unit: str  # its unit, "1" where it has none
+    setting: str = ""  # of the simulation, which is its true value
     # Smallest and largest value that a joint can have, from a finger to a leg that stands.
     plausible: tuple[float, float] = (-inf, inf)
+    goal: Literal["high", "zero", "low"] | None = None  # what a method should reach
 
     @property
     def label(self) -> str:
@@ -22,21 +25,84 @@ class Quantity:
         return f"{self.symbol} [{self.unit}]"
 
 
-QUANTITIES = {
-    "torque": Quantity("torque", "torque", "N·m"),
-    "vaf_unseen": Quantity("net VAF, unseen half", "net VAF, unseen half", "%"),
-    "vaf_net": Quantity("net VAF", "net VAF", "%"),
-    "vaf_intrinsic": Quantity("intrinsic contribution", "intrinsic contribution", "%"),
-    "vaf_reflex": Quantity("reflex contribution", "reflex contribution", "%"),
-    "K": Quantity("intrinsic stiffness", "K", "N·m/rad", (0.0, 1e5)),
-    "B": Quantity("intrinsic viscosity", "B", "N·m·s/rad", (0.0, 1e3)),
-    "I": Quantity("intrinsic inertia", "I", "kg·m²", (0.0, 10.0)),
-    "G": Quantity("reflex gain", "G", "N·m·s/rad", (0.0, 1e3)),
-    "omega_n": Quantity("natural frequency of the reflex", "ωn", "rad/s", (1.0, 500.0)),
-    "zeta": Quantity("damping of the reflex", "ζ", "1", (0.05, 10.0)),
-    "pole": Quantity("third pole of the reflex", "p", "rad/s"),
-    "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
-    "delay": Quantity("reflex delay", "delay", "s", (0.02, 0.07)),
-}
+def _score(symbol: str) -> Quantity:
+    return Quantity(symbol, symbol, "%", goal="high")
+
+
+def _number(symbol: str, unit: str = "1", goal: Literal["zero", "low"] | None = None) -> Quantity:
+    return Quantity(symbol, symbol, unit, goal=goal)
+
 
 STIFFNESS = ("K", "B", "I")  # of position, velocity and acceleration, in this order
+TRAJECTORIES = ("K", "B", "G")  # what changes with time in a joint that does
+PARAMETERS = {
+    "K": Quantity("intrinsic stiffness", "K", "N·m/rad", "stiffness", (0.0, 1e5)),
+    "B": Quantity("intrinsic viscosity", "B", "N·m·s/rad", "viscosity", (0.0, 1e3)),
+    "I": Quantity("intrinsic inertia", "I", "kg·m²", "inertia", (0.0, 10.0)),
+    "G": Quantity("reflex gain", "G", "N·m·s/rad", "reflex_gain", (0.0, 1e3)),
+    "omega_n": Quantity("natural frequency of the reflex", "ωn", "rad/s", "omega_n", (1.0, 500.0)),
+    "zeta": Quantity("damping of the reflex", "ζ", "1", "zeta", (0.05, 10.0)),
+    "pole": Quantity("third pole of the reflex", "p", "rad/s"),
+    "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
+    "delay": Quantity("reflex delay", "delay", "s", "delay", (0.02, 0.07)),
+}
+# Simulation setting that is the true value of each parameter.
+SETTINGS = {name: quantity.setting for name, quantity in PARAMETERS.items() if quantity.setting}
+# Scores of recordings, whose parts are contributions to the measured torque.
+CONTRIBUTIONS = {
+    "vaf_unseen": _score("net VAF, unseen half"),
+    "vaf_net": _score("net VAF"),
+    "vaf_intrinsic": _score("intrinsic contribution"),
+    "vaf_reflex": _score("reflex contribution"),
+}
+# Scores of simulated trials, errors of their parameters in per cent of the truth, and shares of trials with a fault.
+SCORES = {
+    f"vaf_{torque}_{against}": _score(f"{torque} VAF, {against}")
+    for torque in ("net", "intrinsic", "reflex")
+    for against in ("measured", "true")
+}
+ERRORS = {
+    f"{name}_error": _number(f"error of {PARAMETERS[name].symbol}", "%", "zero")
+    for name in SETTINGS
+}
+DIAGNOSTICS = {
+    "order": _number("order"),
+    "passes": _number("passes"),
+    "spectral_radius": _number("spectral radius"),
+    "pole_error": _number("pole error", goal="low"),
+    "in_band_snr_db": _number("in-band SNR", "dB"),
+    "unseen_instrumental": _score("instrumental VAF, unseen"),
+    "unseen_cross_validation": _score("net VAF, unseen"),
+    "cycles": _number("cycles"),
+    "variation_p": _number("p of the variation"),
+}
+TRAJECTORY_SCORES = (
+    {f"{name}_nrmse": _number(f"error of {name}(·)", "%", "low") for name in TRAJECTORIES}
+    | {f"{name}_bias": _number(f"bias of {name}(·)", "%", "zero") for name in TRAJECTORIES}
+    | {
+        f"{name}_covered": _number(f"covered by the band of {name}(·)", "%")
+        for name in TRAJECTORIES
+    }
+    | {f"{name}_rise": _number(f"rise time of {name}(·)", "s") for name in TRAJECTORIES}
+)
+FAULTS = {
+    "failures": _number("failed trials", "%", "low"),
+    "warnings": _number("trials with a warning", "%", "low"),
+}
+# What tables and pictures over the trials of a study can show.
+TRIAL_QUANTITIES = SCORES | PARAMETERS | ERRORS | DIAGNOSTICS | TRAJECTORY_SCORES | FAULTS
+QUANTITIES = {
+    "torque": Quantity("torque", "torque", "N·m"),
+    **CONTRIBUTIONS,
+    **PARAMETERS,
+    **TRIAL_QUANTITIES,
+}
+
+POINT = (
+    "point."  # begins the name of a column with a value of the point: a varied setting or option
+)
+
+
+def point_column(name: str) -> str:
+    """Column of a table of trials with the values of a varied setting or option; estimates have the bare names."""
+    return POINT + name

@@ -113,7 +113,7 @@ def test_other_folders_have_results_of_their_own(clean, snakemake, tiny, tmp_pat
     elsewhere, trials = tmp_path / "elsewhere", "results/tables/tiny-trials.csv"
     snakemake(clean, trials, *tiny, folder=tmp_path)
     assert set(pd.read_csv(tmp_path / trials)["method"]) == {"pr-moesp", "riv"}
-    TINY["studies"]["tiny"]["trials_per_chunk"] = None
+    TINY["studies"]["tiny"]["trials_per_chunk"] = 200
     (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(TINY), encoding="utf-8")
     snakemake(clean, trials, *tiny, "--directory", str(elsewhere))
     assert (elsewhere / trials).read_bytes() == (tmp_path / trials).read_bytes()

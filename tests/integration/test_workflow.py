@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from ankleloop.paper.results import COUNTS
+from ankleloop.paper.means import COUNTS
 from ankleloop.paper.trial_tables import read_results
 
 pytestmark = pytest.mark.workflow

@@ -14,7 +14,7 @@ CHUNKS = {
     "one core": ({"trials_per_chunk": 2}, "1"),
     "two cores": ({"trials_per_chunk": 2}, "2"),
     "a chunk for each trial": ({"trials_per_chunk": 1}, "2"),
-    "a chunk for each point": ({"trials_per_chunk": None}, "2"),
+    "a chunk for each point": ({"trials_per_chunk": 200}, "2"),
 }
 
 

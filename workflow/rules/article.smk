@@ -32,7 +32,7 @@ rule verify:
         runtime=half_hour,
     params:
         options={
-            name: study.identified_methods[name]["options"]
+            name: study.methods[name].fixed_options
             for study in ARTICLE
             if study.name == "table1"
             for name in ("pr-moesp", "eiv-moesp")

@@ -7,7 +7,7 @@ from ankleloop.errors import DataError
 from ankleloop.paper.trial_tables import read_hash
 from ankleloop.studies.checking import ConfigError
 from ankleloop.studies.config import NOTEBOOKS
-from ankleloop.studies.resources import MEMORY, fingerprint, requested_minutes
+from ankleloop.studies.resources import fingerprint
 from ankleloop.studies.run_config import (
     article_parameters,
     describe_article,
@@ -103,7 +103,7 @@ def chunk_files(kind, study):
 def trial_files(study):
     """Trial files of a study; none where no trials are kept."""
     folder = f"results/trials/{study.name}"
-    return [f"{folder}/{chunk}.nc" for chunk in range(len(study.trial_chunks))]
+    return [f"{folder}/{chunk}.nc" for chunk in range(len(study.trial_files))]
 
 
 def trial_file_of(wildcards):
@@ -111,7 +111,7 @@ def trial_file_of(wildcards):
     study = study_of(wildcards)
     if study.settings.keep != "everything":
         return []
-    number = study.trial_chunk_numbers[int(wildcards.chunk)]
+    number = study.file_numbers[int(wildcards.chunk)]
     return f"results/trials/{study.name}/{number}.nc"
 
 
@@ -203,26 +203,10 @@ if workflow.is_main_process:
         check_results(study)
 
 
-# Memory [MB] and time [min] of jobs, for schedulers: a new attempt asks for more.
+# Memory [MB] and time [min] of jobs, for schedulers: a new attempt asks for more. No job of usual trials takes half of it.
 def memory(wildcards, attempt):
-    return MEMORY * attempt
+    return 2000 * attempt
 
 
 def half_hour(wildcards, attempt):
     return 30 * attempt
-
-
-def simulation_seconds(wildcards):
-    """Time of the job of a trial file [s]."""
-    study = study_of(wildcards)
-    return study.simulation_seconds(study.trial_chunks[int(wildcards.chunk)])
-
-
-def identification_seconds(wildcards):
-    """Time of the job of a chunk [s]."""
-    study = study_of(wildcards)
-    return study.identification_seconds(study.chunks[int(wildcards.chunk)])
-
-
-def minutes(seconds):
-    return lambda wildcards, attempt: requested_minutes(seconds(wildcards), attempt)

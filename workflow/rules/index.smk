@@ -5,7 +5,7 @@ JOBS = {
         {"recordings": study.chunks}
         if isinstance(study, RecordedStudy)
         else {
-            "simulate": study.trial_chunks,
+            "simulate": study.trial_files,
             "sweep" if study.settings.keep == "scores" else "identify": study.chunks,
         }
     )

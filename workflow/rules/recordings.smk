@@ -19,7 +19,7 @@ rule recordings:
     threads: 1
     resources:
         mem_mb=memory,
-        runtime=minutes(lambda w: study_of(w).seconds(int(w.chunk))),
+        runtime=half_hour,
     params:
         points=lambda w: study_of(w).chunks[int(w.chunk)],
         methods=lambda w: study_of(w).analysed_methods,

@@ -30,6 +30,7 @@ rule report:
         mem_mb=memory,
         runtime=half_hour,
     params:
+        notebook=lambda w: study_of(w).settings.notebook,
         parameters=lambda wildcards, input, output: report_parameters(
             study_of(wildcards),
             input,
@@ -61,6 +62,7 @@ rule figure:
         "../envs/ankleloop.yaml"
     threads: 1
     params:
+        notebook=lambda w: study_of(w).settings.notebook,
         stem=lambda wildcards, input: f"{input.folder}/{wildcards.study}-{wildcards.figure}",
     shell:
         "(cp {params.stem}.png {output.png} && cp {params.stem}.pdf {output.pdf} && cp {params.stem}.csv {output.csv}) > {log} 2>&1"

@@ -12,17 +12,17 @@ rule simulate:
         "logs/simulate/{study}/{chunk}.tsv"
     wildcard_constraints:
         study=names_keeping("everything"),
-    # Before any identification, and long jobs first, so that no core waits for one at the end.
-    priority: lambda wildcards: 1e9 + simulation_seconds(wildcards)
+    # Before any identification.
+    priority: 1
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
     resources:
         mem_mb=memory,
-        runtime=minutes(simulation_seconds),
+        runtime=half_hour,
     params:
         arguments=lambda w: study_of(w).simulation(
-            study_of(w).trial_chunks[int(w.chunk)]
+            study_of(w).trial_files[int(w.chunk)]
         ),
         precision=lambda w: study_of(w).settings.precision,
         library=library("workflow/scripts/simulate.py"),
@@ -44,14 +44,12 @@ rule identify:
         "logs/identify/{study}/{chunk}.tsv"
     wildcard_constraints:
         study=names_keeping("everything", "estimates"),
-    # Long jobs first, so that no core waits for one at the end.
-    priority: identification_seconds
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
     resources:
         mem_mb=memory,
-        runtime=minutes(identification_seconds),
+        runtime=half_hour,
     params:
         arguments=lambda w: study_of(w).identification(int(w.chunk)),
         simulation=lambda w: (
@@ -96,7 +94,6 @@ rule table:
         runtime=half_hour,
     params:
         hashes=lambda w: study_of(w).hashes,
-        varied=lambda w: study_of(w).varied,
         rows=lambda w: study_of(w).rows,
         settings=lambda w: study_of(w).hash,
         library=library("workflow/scripts/table.py"),

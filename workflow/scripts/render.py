@@ -12,7 +12,8 @@ import papermill
 from nbconvert import HTMLExporter
 
 from ankleloop.pages.rendering import find_captions, render_page
-from ankleloop.paper.results import KEYS, describe_failures
+from ankleloop.paper.means import KEYS
+from ankleloop.paper.results import describe_failures
 from ankleloop.paper.trial_tables import read_trial_table
 from ankleloop.studies.job import log, running
 from ankleloop.trials.files import atomic_file

@@ -6,6 +6,4 @@ from ankleloop.studies.job import running
 with running(snakemake):
     params, output = snakemake.params, snakemake.output
     chunks = dict(zip(snakemake.input.chunks, params.hashes, strict=True))
-    join_tables(
-        output.table, chunks, params.varied, params.rows, params.settings, output.get("text")
-    )
+    join_tables(output.table, chunks, params.rows, params.settings, output.get("text"))

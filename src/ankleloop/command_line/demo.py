@@ -11,13 +11,9 @@ import click
 from ankleloop.command_line.identify import identify
 from ankleloop.command_line.reading import FOLDER
 from ankleloop.command_line.terminal import echo, refuse_existing, show_next
+from ankleloop.quantities import SETTINGS, STIFFNESS
 
-PARAMETERS = {
-    "K": "stiffness",
-    "B": "viscosity",
-    "I": "inertia",
-    "G": "reflex_gain",
-}  # with settings of a simulation
+PARAMETERS = {name: SETTINGS[name] for name in (*STIFFNESS, "G")}  # with settings of a simulation
 EPILOG = """\b
 Examples:
   ankleloop demo

@@ -15,7 +15,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.pages.rendering import render_table
 from ankleloop.paper.captions import describe_settings, typical_point
-from ankleloop.paper.results import describe_faults, list_outcomes
+from ankleloop.paper.results import describe_faults
 from ankleloop.paper.tables import write_table
 from ankleloop.paper.trial_tables import read_results
 from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
@@ -38,10 +38,8 @@ class StudyPage(SimpleNamespace):
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """The same, with the label of the method and what came of each identification."""
-        return self.details.assign(
-            series=self.details["method"].map(self.labels), outcome=list_outcomes(self.details)
-        )
+        """The same, with the label of the method as `series`."""
+        return self.details.assign(series=self.details["method"].map(self.labels))
 
     @property
     def styles(self) -> dict[str, MethodStyle]:
@@ -52,15 +50,6 @@ class StudyPage(SimpleNamespace):
     def typical(self) -> str:
         """Point that figures of single trials show."""
         return typical_point(self.points, self.varied)
-
-    def stack(self, x: str, columns: Mapping[str, str]) -> pd.DataFrame:
-        """Rows of `ankleloop.plotting.studies.curves_figure`: a column of the table for each panel, over `x`."""
-        table = self.table.assign(x=self.table[x])
-        parts = [
-            table.assign(panel=panel, value=table.get(column, float("nan")))
-            for panel, column in columns.items()
-        ]
-        return pd.concat(parts, ignore_index=True)
 
     def load_estimates(self, point: str) -> Estimates:
         """Estimates at a point, by method and trial."""

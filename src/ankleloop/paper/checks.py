@@ -20,6 +20,7 @@ from ankleloop.paper import judgement
 from ankleloop.paper.captions import label_setting
 from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity, judge
 from ankleloop.paper.tables import format_number
+from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 
 # What Table 1 scores each torque against.
@@ -209,14 +210,18 @@ def _describe(comparison: Comparison) -> str:
 
 
 def check_mean(case: Case, study: str, quantity: str, method: str) -> Row:
-    """A VAF of the paper is the mean over trials at the settings of the claim."""
+    """A number of the paper is the mean over trials at the settings of the claim."""
     mean = case.mean(study, quantity, method)
     remark = (
         "the recording is not public, and this is a simulated stand-in"
         if np.isnan(case.claim.tolerance)
         else ""
     )
-    return case.compare("mean VAF [%]", [case.within("", mean, case.claim.paper)], remark)
+    shown = QUANTITIES[VAF_COLUMNS.get(quantity, quantity)]
+    words = "VAF" if quantity.startswith("vaf_") or quantity in VAF_COLUMNS else shown.symbol
+    return case.compare(
+        f"mean {words} [{shown.unit}]", [case.within("", mean, case.claim.paper)], remark
+    )
 
 
 def check_alike(case: Case, first: str, second: str, *torques: str) -> Row:

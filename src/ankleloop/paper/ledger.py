@@ -29,6 +29,8 @@ COLUMNS = (
     "id",
     "section",
     "statement",
+    "method",
+    "torque",
     "unit",
     "paper",
     *NUMBERS,
@@ -57,17 +59,16 @@ def verify(
 
 
 def _claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
-    """Numbers of a published table as claims."""
+    """Numbers of a published table as claims, with the label of the method."""
+    method, torque = table["method"], table["torque"]
+    label = method.replace(dict(labels))
+    quantity = "vaf_" + torque + "_" + table["against"]
     return table.assign(
-        id=f"{name}/" + table["method"] + "/" + table["torque"],
-        check=f"mean {name} vaf_"
-        + table["torque"]
-        + "_"
-        + table["against"]
-        + " "
-        + table["method"],
+        id=f"{name}/" + method + "/" + torque,
+        check=f"mean {name} " + quantity + " " + method,
         section=SECTIONS[name],
-        statement=table["torque"] + " torque by " + table["method"].replace(dict(labels)),
+        statement=torque + " torque by " + label,
+        method=label,
         unit="% VAF",
         conditions="reflex gain, load, actuator and voluntary torque assumed",
         how="mean VAF over trials is within the tolerance of the published number",
@@ -140,10 +141,8 @@ def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]
     texts = rows["paper"].map("{:g} → ".format) + format_pairs(
         rows["ours"], rows["uncertainty"], "{:.2f} ± {:.2f}"
     )
-    methods, torques = (
-        rows["statement"].str.split(" by ").str[-1],
-        rows["id"].str.split("/").str[-1] + " [% VAF]",
-    )
+    methods = rows["method"]
+    torques = rows["torque"] + " [% VAF]"
     cells = pd.DataFrame({"method": methods, "torque": torques, "cell": texts})
     table = cells.pivot(index="method", columns="torque", values="cell").loc[
         methods.unique(), torques.unique()

@@ -1,26 +1,19 @@
-"""Trials of a study: their true values, what came of each, and summaries that say what they leave out."""
+"""Trials of a study: their true values, their conditions in words, and why some of them failed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ankleloop.paper.means import list_faults
+from ankleloop.quantities import SETTINGS
+
 RATE = 100.0  # Hz, of the identification by default
 MOST_REASONS = 5  # of failures that a sentence each is about
 NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
-COUNTS = [
-    "trials",
-    "failures",
-    "warnings",
-    "without G",
-]  # columns of every table of means over trials
-KEYS = ["point", "method", "trial"]  # of an estimate
-# Simulation setting that is the true value of each estimated parameter.
-SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}
-SETTINGS |= {name: name for name in ("omega_n", "zeta", "delay")}
 CONDITIONS: dict[str, dict[Any, str]] = {
     "closed_loop": {True: "closed loop", False: "open loop"},
     "perturbation": {"prbs": "PRBS", "pulses": "decorrelating pulses", "dwells": "random dwells"},
@@ -44,60 +37,6 @@ def true_spectral_radius(settings: Mapping[str, Any], rate: float = RATE) -> flo
 def describe_condition(name: str, value: Any) -> str:
     """Experimental condition in words."""
     return CONDITIONS.get(name, {}).get(value, f"{name} {value}")
-
-
-def list_faults(parameters: pd.DataFrame) -> pd.DataFrame:
-    """Whether each identification failed, and whether its estimate came with a warning; such an estimate counts."""
-    table = parameters.reindex(columns=["failure", "warnings"])
-    failure, warnings = table["failure"].notna(), table["warnings"]
-    return pd.DataFrame(
-        {"failures": failure, "warnings": warnings.notna() & (warnings != "") & ~failure}
-    )
-
-
-def list_outcomes(parameters: pd.DataFrame) -> pd.Series:
-    """What came of each identification, for marks in figures."""
-    faults = list_faults(parameters)
-    outcomes = pd.Series("estimate", parameters.index)
-    return outcomes.mask(faults["warnings"], "warning").mask(faults["failures"], "failure")
-
-
-def mark_faults(table: pd.DataFrame) -> pd.Series:
-    """Whether trials of a mean failed or came with a warning, for marks in figures."""
-    return table[["failures", "warnings"]].gt(0).any(axis=1)
-
-
-def count_outcomes(parameters: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Count the trials that a mean is over, those that it leaves out, and those with a warning, which it counts.
-
-    A trial that several methods identify is one trial: it failed where one of them failed.
-    """
-    keys = list(dict.fromkeys([*by, "point", "trial"]))
-    faults = parameters[keys].assign(**list_faults(parameters))
-    gains = parameters["G"] if "G" in parameters else pd.Series(0.0, parameters.index)
-    faults["without G"] = gains.isna() & ~faults["failures"]
-    trials = faults.groupby(keys, sort=False, dropna=False).any().reset_index().assign(trials=1)
-    return trials.groupby(list(by), sort=False, dropna=False)[COUNTS].sum().reset_index()
-
-
-def summarise_scores(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
-    """Mean and standard deviation of each VAF over trials, a row for each torque, with what the mean leaves out."""
-    scores = table.set_index(list(by)).filter(regex="^vaf_")
-    scores.columns = pd.MultiIndex.from_tuples(
-        [name.split("_")[1:] for name in scores], names=["torque", "against"]
-    )
-    groups = scores.stack(["torque", "against"]).groupby(
-        level=[*by, "torque", "against"], sort=False
-    )
-    summary = groups.agg(mean="mean", sd="std", n="count").reset_index()
-    return summary.merge(count_outcomes(table, by), on=list(by))
-
-
-def summarise_columns(table: pd.DataFrame, by: Sequence[str], names: Sequence[str]) -> pd.DataFrame:
-    """Means, standard deviations and numbers of values of columns over trials, with what the means leave out."""
-    summary = table.groupby(list(by), sort=False)[list(names)].agg(["mean", "std", "count"])
-    summary.columns = pd.Index([f"{name}_{statistic}" for name, statistic in summary.columns])
-    return summary.reset_index().merge(count_outcomes(table, by), how="left", on=list(by))
 
 
 def describe_failures(parameters: pd.DataFrame) -> str:

@@ -14,21 +14,17 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ankleloop.errors import DataError
-from ankleloop.paper.results import CONDITIONS, SETTINGS, list_faults, true_values
+from ankleloop.paper.means import list_faults, means, measure_statistics
+from ankleloop.paper.results import CONDITIONS, true_values
 from ankleloop.paper.tables import format_pairs
 from ankleloop.paper.trial_tables import (
-    ERRORS,
-    ESTIMATED,
-    FAULT_SHARES,
-    SWEEP_QUANTITIES,
     default_quantities,
-    desired_value,
     label_parameter,
     read_trial_table,
 )
 from ankleloop.plotting.style import MethodStyle, label_styles
 from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
-from ankleloop.signals.vaf import confidence_margin
+from ankleloop.quantities import ERRORS, FAULTS, QUANTITIES, SETTINGS, point_column
 from ankleloop.simulation.settings import SimulationSettings
 
 MOST_COLUMNS = 8  # parameters over which lines are drawn
@@ -42,7 +38,7 @@ QUANTILES = {
     "high": 0.9,
 }  # between the outer ones are 80 % of the trials
 STATISTICS = ["mean", "sd", "n", "margin", *QUANTILES]
-FAULTS = ["trials", "failures", "warnings"]
+COUNTS = ["trials", "failures", "warnings"]
 DIFFERENCE = MethodStyle("#222222", "o")
 BANDS = (
     "bands are 95 % confidence intervals of the mean over the conditions of a value, or over its trials where it has "
@@ -68,7 +64,7 @@ class SweepStudy:
     --------
     >>> import tempfile
     >>> from ankleloop.studies.config import SweepSettings
-    >>> row = {"point": "p", "reflex_gain": 5.0, "method": "riv", "trial": 0, "vaf_net_true": 99.0}
+    >>> row = {"point": "p", "point.reflex_gain": 5.0, "method": "riv", "trial": 0, "vaf_net_true": 99.0}
     >>> shown = SweepSettings(quantities=["vaf_net_true"]).model_dump()
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     pd.DataFrame([row]).to_parquet(f"{folder}/s-trials.parquet")
@@ -99,7 +95,7 @@ class SweepStudy:
         simulation: Mapping[str, Any],
         algorithms: Mapping[str, str] | None = None,
     ) -> SweepStudy:
-        """Read the table of trials of a study, whose parameters are the columns `varied`."""
+        """Read the table of trials of a study, in which the settings and options `varied` differ."""
         table = read_trial_table(path)
         wanted = list(settings["quantities"] or default_quantities(table.columns))
         trials = measure_trials(table, varied, wanted, simulation)
@@ -111,7 +107,10 @@ class SweepStudy:
         points = trials.drop_duplicates("point")
         axes = {
             name: SweepAxis.of(
-                name, label_parameter(name, methods), points[name], CONDITIONS.get(name)
+                name,
+                label_parameter(name, methods),
+                points[point_column(name)],
+                CONDITIONS.get(name),
             )
             for name in varied
         }
@@ -140,10 +139,10 @@ class SweepStudy:
         """Panels of quantities and, behind each, of the difference of two methods."""
         panels, varied = {}, [axis.name for axis in self.parameters]
         for name in self.quantities:
-            quantity, truth = SWEEP_QUANTITIES[name], None  # of a parameter that all points share
+            quantity, truth = QUANTITIES[name], None  # of a parameter that all points share
             if name in SETTINGS and SETTINGS[name] not in varied:
                 truth = true_values(self.simulation, [name])[name]
-            panels[name, False] = SweepPanel(name, quantity.label, desired_value(name), truth)
+            panels[name, False] = SweepPanel(name, quantity.label, QUANTITIES[name].goal, truth)
             if self.difference:
                 label = (
                     f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
@@ -153,13 +152,13 @@ class SweepStudy:
 
     def summarise(self) -> pd.DataFrame:
         """Means over trials of each point and method, as `summarise_sweep`."""
-        by = ["point", *(axis.name for axis in self.parameters), "method"]
+        by = ["point", *(axis.column for axis in self.parameters), "method"]
         return summarise_sweep(self.trials, by, self.quantities)
 
     def label_rows(self, summary: pd.DataFrame) -> pd.DataFrame:
         """A summary as figures take it: panels, series, bands and marks; shares of trials have neither of these."""
         table = summary.rename(columns={"mean": "value"})
-        is_share, series = table["quantity"].isin(FAULT_SHARES), table["method"].map(self.labels)
+        is_share, series = table["quantity"].isin([*FAULTS]), table["method"].map(self.labels)
         keys = zip(table["quantity"], series.isna(), strict=True)
         table["series"], table["panel"] = (
             series.fillna(self.difference),
@@ -181,21 +180,19 @@ def measure_trials(
 ) -> pd.DataFrame:
     """Quantities of each trial of a table; errors are relative to the truth of each point, in per cent."""
     faults = list_faults(table)
-    trials = table[["point", "trial", *varied, "method"]].assign(
+    values = map(point_column, varied)
+    trials = table[["point", "trial", *values, "method"]].assign(
         failed=faults["failures"], warned=faults["warnings"]
     )
     table = table.assign(**(100.0 * faults))
     for name in quantities:
-        source = ERRORS.get(name, name)
-        # Where the points of a sweep have a value of the same name, the estimate has another column.
-        values = table.get(
-            f"{source}{ESTIMATED}", table.get(source, pd.Series(np.nan, table.index))
-        ).astype(float)
+        source = name.removesuffix("_error")
+        values = table.get(source, pd.Series(np.nan, table.index)).astype(float)
         if name in ERRORS:  # an error [%] does not exist where the truth is 0
             setting = SETTINGS[source]
-            truth = table.get(setting, pd.Series(simulation.get(setting), table.index)).astype(
-                float
-            )
+            truth = table.get(
+                point_column(setting), pd.Series(simulation.get(setting), table.index)
+            ).astype(float)
             values = 100.0 * (values / truth.where(truth != 0) - 1.0)
         trials[name] = values
     return trials
@@ -225,18 +222,7 @@ def summarise_sweep(
     trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]
 ) -> pd.DataFrame:
     """Means over trials with their spread, and what the means leave out."""
-    groups = _group(trials, by)
-    counts = groups.agg(
-        trials=("failed", "size"), failures=("failed", "sum"), warnings=("warned", "sum")
-    )
-    tables = []
-    for name in quantities:
-        table = groups[name].agg(mean="mean", sd="std", n="count").join(counts)
-        table["margin"] = confidence_margin(table["sd"], table["n"])
-        for column, level in QUANTILES.items():
-            table[column] = groups[name].quantile(level)
-        tables.append(table.reset_index().assign(quantity=name))
-    return pd.concat(tables, ignore_index=True)[[*by, "quantity", *STATISTICS, *FAULTS]]
+    return means(trials, by, quantities, QUANTILES)[[*by, "quantity", *STATISTICS, *COUNTS]]
 
 
 def summarise_effects(
@@ -248,21 +234,20 @@ def summarise_effects(
     share it, and points that differ in options alone share their trials, too. Where a value has a single condition, it
     is over the trials of that condition.
     """
-    settings = [name for name in SimulationSettings.model_fields if name in trials]
+    settings = [
+        point_column(name)
+        for name in SimulationSettings.model_fields
+        if point_column(name) in trials
+    ]
     condition = _group(trials, settings).ngroup() if settings else 0
-    values = axis.bin(trials[axis.name]) if binned else trials[axis.name]
+    values = axis.bin(trials[axis.column]) if binned else trials[axis.column]
     table = trials.assign(parameter=axis.name, setting=values, condition=condition)
     by = ["parameter", "setting", "method"]
     several = _group(table, by)["condition"].transform("nunique") > 1
     table["unit"] = table["condition"].where(several, table["trial"])
-    units = (
-        _group(table, [*by, "unit"])[list(quantities)]
-        .mean()
-        .reset_index()
-        .assign(failed=False, warned=False)
-    )
-    means = summarise_sweep(units, by, quantities)[["mean", "sd", "n", "margin"]]
-    return summarise_sweep(table, by, quantities).assign(**means)
+    units = _group(table, [*by, "unit"])[list(quantities)].mean().reset_index()
+    over_units = measure_statistics(units, by, quantities)[["mean", "sd", "n", "margin"]]
+    return summarise_sweep(table, by, quantities).assign(**over_units)
 
 
 def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
@@ -283,18 +268,18 @@ def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
     """Maps over the first two axes of a sweep; a random design is binned."""
     x, y = sweep.axes[:2]
     trials = sweep.trials
-    if 2 * len(trials[[x.name, y.name]].drop_duplicates()) < len(x.values) * len(
+    if 2 * len(trials[[x.column, y.column]].drop_duplicates()) < len(x.values) * len(
         y.values
     ):  # no grid
-        trials = trials.assign(**{axis.name: axis.bin(trials[axis.name]) for axis in (x, y)})
+        trials = trials.assign(**{axis.column: axis.bin(trials[axis.column]) for axis in (x, y)})
         x, y = (
-            SweepAxis.of(axis.name, axis.label, trials[axis.name], axis.words) for axis in (x, y)
+            SweepAxis.of(axis.name, axis.label, trials[axis.column], axis.words) for axis in (x, y)
         )
-    table = trials.assign(x=trials[x.name], y=trials[y.name])
+    table = trials.assign(x=trials[x.column], y=trials[y.column])
     cells = sweep.label_rows(summarise_sweep(table, ["x", "y", "method"], sweep.quantities))
     figure = maps_figure(cells, (x, y), list(sweep.panels.values()))
     truths = [
-        SWEEP_QUANTITIES[panel.quantity].symbol
+        QUANTITIES[panel.quantity].symbol
         for panel in sweep.panels.values()
         if panel.truth is not None
     ]
@@ -318,11 +303,11 @@ def describe_design(sweep: SweepStudy) -> str:
     """What was varied: each parameter with its values, and the numbers of points, conditions, trials and faults."""
     points = sweep.trials.drop_duplicates("point")
     settings = [
-        axis.name for axis in sweep.parameters if axis.name in SimulationSettings.model_fields
+        axis.column for axis in sweep.parameters if axis.name in SimulationSettings.model_fields
     ]
     conditions = len(points[settings].drop_duplicates()) if settings else 1
     own = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
-    absent = ", ".join(SWEEP_QUANTITIES[name].symbol for name in sweep.absent)
+    absent = ", ".join(QUANTITIES[name].symbol for name in sweep.absent)
     return (
         f"Varied: {'; '.join(map(_list_values, sweep.parameters)) or 'nothing'}. Points: {len(points):,}; conditions "
         f"(points that differ in options alone share their trials): {conditions:,}; trials at each point: "
@@ -342,7 +327,7 @@ def _list_values(axis: SweepAxis) -> str:
 def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     """Points with the best and the worst mean of each quantity and method; lowest and highest without a goal."""
     table = summary[summary["n"] >= LEAST_SHARE * summary["trials"]]
-    goals = table["quantity"].map(desired_value)
+    goals = table["quantity"].map(lambda name: QUANTITIES[name].goal)
     error = np.sqrt(
         table["mean"] ** 2 + table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"]
     )
@@ -353,16 +338,16 @@ def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for name, method in product(sweep.quantities, sweep.labels):
         part = table[(table["quantity"] == name) & (table["method"] == method)]
-        ranks = ("best", "worst") if desired_value(name) else ("lowest", "highest")
+        ranks = ("best", "worst") if QUANTITIES[name].goal else ("lowest", "highest")
         for rank, (_, point) in (
             zip(ranks, part.iloc[[0, -1]].iterrows(), strict=True) if len(part) > 1 else ()
         ):
             row = {
-                "quantity": SWEEP_QUANTITIES[name].label,
+                "quantity": QUANTITIES[name].label,
                 "method": sweep.labels[method],
                 "rank": rank,
             }
-            row |= {axis.heading: axis.format(point[axis.name]) for axis in sweep.parameters}
+            row |= {axis.heading: axis.format(point[axis.column]) for axis in sweep.parameters}
             row["mean ± sd"] = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")[0]
-            rows.append(row | {count: str(point[count]) for count in FAULTS})
+            rows.append(row | {count: str(point[count]) for count in COUNTS})
     return pd.DataFrame(rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
-from ankleloop.paper.results import COUNTS, count_outcomes, summarise_scores
+from ankleloop.paper.means import COUNTS, count_outcomes, mean_scores, measure_statistics
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.trials.files import atomic_file, write_csv
 
@@ -74,7 +75,7 @@ def compare_with_published(
 ) -> pd.DataFrame:
     """Mean and standard deviation over trials beside the published numbers."""
     keys = ["method", "torque", "against"]
-    table = summarise_scores(details, [*by, "method"]).merge(published, how="left", on=keys)
+    table = mean_scores(details, [*by, "method"]).merge(published, how="left", on=keys)
     return table[[*by, *keys, "paper", "mean", "sd", "n", *COUNTS]]
 
 
@@ -147,20 +148,17 @@ def tabulate_omissions(
         place: part.set_index("trial")[COLUMNS].astype(float)
         for place, part in details.groupby(["point", "method"])
     }
-    filtered = {
-        _condition(settings): point
-        for point, settings in points.items()
-        if settings["antialias_cutoff"]
-    }
+    conditions = _name_conditions(points)
     unfiltered = {
-        _condition(settings): point
+        _settings_but_filter(settings): point
         for point, settings in points.items()
         if not settings["antialias_cutoff"]
     }
     rows = []
-    for condition, point in filtered.items():
+    for point, condition in conditions.items():
+        without_filter = unfiltered.get(_settings_but_filter(points[point]))
         for method in (name for name in labels if SEPARATOR not in name):
-            places = {COMPLETE: (point, method), FILTER: (unfiltered.get(condition), method)}
+            places = {COMPLETE: (point, method), FILTER: (without_filter, method)}
             places |= {
                 step.replace("-", " "): (point, f"{method}{SEPARATOR}{step}")
                 for step in OMITTED_STEPS
@@ -175,33 +173,48 @@ def tabulate_omissions(
     return pd.DataFrame(rows)
 
 
-def _condition(settings: Mapping[str, Any]) -> str:
-    return (
-        "without noise"
-        if settings["snr_db"] is None and settings["voluntary"] == 0
-        else "with noise"
-    )
+def _name_conditions(points: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Condition of each point with an anti-aliasing filter, in words; with its name where two have the same words."""
+    words = {
+        point: "without noise" if _is_clean(settings) else "with noise"
+        for point, settings in points.items()
+        if settings["antialias_cutoff"]
+    }
+    counts = Counter(words.values())
+    return {
+        point: text if counts[text] == 1 else f"{text}, {point}" for point, text in words.items()
+    }
+
+
+def _is_clean(settings: Mapping[str, Any]) -> bool:
+    return settings["snr_db"] is None and settings["voluntary"] == 0
+
+
+def _settings_but_filter(settings: Mapping[str, Any]) -> str:
+    return repr(sorted((k, v) for k, v in settings.items() if k != "antialias_cutoff"))
 
 
 def _measure_changes(
     values: pd.DataFrame, complete: pd.DataFrame, *, paired: bool
 ) -> dict[str, float]:
     """Means of all columns and their changes ("cost"), with their margins; paired changes are of the same trials."""
-    means, margins = values.mean(), _margins(values)
+    means, margins = _measure_means(values)
     if paired:
-        differences = (values - complete).dropna()
-        costs, cost_margins = differences.mean(), _margins(differences)
+        costs, cost_margins = _measure_means((values - complete).dropna())
     else:
-        costs, cost_margins = means - complete.mean(), np.hypot(margins, _margins(complete))
+        complete_means, complete_margins = _measure_means(complete)
+        costs = means - complete_means
+        cost_margins = np.hypot(margins, complete_margins)
     numbers = {"mean": means, "margin": margins, "cost": costs, "cost_margin": cost_margins}
     return {
         f"{name}_{key}": float(column[name]) for name in COLUMNS for key, column in numbers.items()
     }
 
 
-def _margins(values: pd.DataFrame) -> pd.Series:
-    """Half of the 95 % interval of each mean."""
-    return pd.Series(confidence_margin(values.std(), values.count()), values.columns)
+def _measure_means(values: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
+    """Means of all columns, and half of the 95 % interval of each."""
+    rows = measure_statistics(values.assign(all=""), ["all"], COLUMNS).set_index("quantity")
+    return rows["mean"], rows["margin"]
 
 
 def write_table(table: pd.DataFrame, stem: str, shown: pd.DataFrame, caption: str) -> None:

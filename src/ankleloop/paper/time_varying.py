@@ -17,8 +17,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.paper.captions import LOAD, format_load
-from ankleloop.paper.results import count_outcomes
-from ankleloop.signals.vaf import confidence_margin
+from ankleloop.paper.means import count_outcomes, measure_statistics
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 
@@ -118,14 +117,14 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
     rows, keys = [], ["point", "method"]
     curves = dict(iter(averages.groupby([*keys, "parameter"], sort=False)))
     names = [name for name in TRAJECTORY_TRUTHS if f"{name}_nrmse" in details]
-    for ((point, method), part), name in product(details.groupby(keys, sort=False), names):
+    scores = [f"{name}_{score}" for name in names for score in (*SCORES.values(), "rise")]
+    statistics = measure_statistics(details, keys, scores).set_index([*keys, "quantity"])
+    groups = details.groupby(keys, sort=False).groups
+    for (point, method), name in product(groups, names):
         row = {"point": point, "method": method, "parameter": name}
         for column, score in SCORES.items():
-            values = part.get(f"{name}_{score}", pd.Series(dtype=float))
-            row |= {
-                column: values.mean(),
-                f"{column}_margin": confidence_margin(values.std(), values.count()),
-            }
+            values = statistics.loc[(point, method, f"{name}_{score}")]
+            row |= {column: values["mean"], f"{column}_margin": values["margin"]}
         curve = curves.get(
             (point, method, name), pd.DataFrame(columns=averages.columns, dtype=float)
         )
@@ -133,7 +132,7 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
         row["bias"] = scale * np.sqrt(((curve["mean"] - curve["truth"]) ** 2).mean())
         row["random"] = scale * np.sqrt((curve["sd"] ** 2).mean())
         row["total"] = np.hypot(row["bias"], row["random"])
-        rows.append(row | {"rise": part.get(f"{name}_rise", pd.Series(dtype=float)).mean()})
+        rows.append(row | {"rise": statistics.loc[(point, method, f"{name}_rise"), "mean"]})
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
 
 

@@ -8,63 +8,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 from pyarrow import dataset, parquet
 
-from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import METHODS
 from ankleloop.paper.captions import label_setting
-from ankleloop.paper.results import SETTINGS
-from ankleloop.quantities import QUANTITIES, Quantity
+from ankleloop.quantities import POINT, QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
 
-ERRORS = {
-    f"{name}_error": name for name in SETTINGS
-}  # parameter of which a quantity is the relative error
-SHOWN = ("K", "B", "I", "G", "omega_n", "zeta", "pole", "threshold", "delay")
-FAULT_SHARES = {"failures": "failed trials", "warnings": "trials with a warning"}
-TRAJECTORY_SCORES = {
-    "nrmse": ("error of {}(·)", "%"),
-    "bias": ("bias of {}(·)", "%"),
-    "covered": ("covered by the band of {}(·)", "%"),
-    "rise": ("rise time of {}(·)", "s"),
-}
-SYMBOLS = {  # symbol and unit of each quantity
-    **{
-        f"vaf_{t}_{against}": (f"{t} VAF, {against}", "%")
-        for t in TORQUES
-        for against in ("measured", "true")
-    },
-    **{name: (QUANTITIES[name].symbol, QUANTITIES[name].unit) for name in SHOWN},
-    **{error: (f"error of {QUANTITIES[name].symbol}", "%") for error, name in ERRORS.items()},
-    "order": ("order", "1"),
-    "passes": ("passes", "1"),
-    "spectral_radius": ("spectral radius", "1"),
-    "pole_error": ("pole error", "1"),
-    "in_band_snr_db": ("in-band SNR", "dB"),
-    "unseen_instrumental": ("instrumental VAF, unseen", "%"),
-    "unseen_cross_validation": ("net VAF, unseen", "%"),
-    "cycles": ("cycles", "1"),
-    "variation_p": ("p of the variation", "1"),
-    **{
-        f"{name}_{score}": (symbol.format(name), unit)
-        for score, (symbol, unit) in TRAJECTORY_SCORES.items()
-        for name in TRAJECTORY_TRUTHS
-    },
-    **{name: (label, "%") for name, label in FAULT_SHARES.items()},
-}
-# What pictures of a sweep can show: scores, parameters, their errors, and shares of trials with a fault.
-SWEEP_QUANTITIES = {
-    name: Quantity(symbol, symbol, unit) for name, (symbol, unit) in SYMBOLS.items()
-}
 HASH = b"settings"  # key of the hash of the settings that made a file
 REMEDY = "delete it, and run again"
 TYPES = {
@@ -76,15 +35,17 @@ TYPES = {
 }  # of columns that hold no floating-point numbers
 LAST = ("failure", "warnings")
 ENDS = ("_low", "_high")  # of the 95 % interval of a quantity
-ESTIMATED = "_estimated"  # ending of an estimate whose name is that of a parameter of the sweep
-ORDER = {name: rank for rank, name in enumerate([*QUANTITIES, *SWEEP_QUANTITIES])}
+ORDER = {name: rank for rank, name in enumerate(QUANTITIES)}
 
 
-def as_table(rows: Sequence[Mapping[str, Any]], varied: Mapping[str, pa.DataType]) -> pa.Table:
-    """Rows as a table whose columns have types that no row decides; nan and empty texts are no values."""
+def as_table(rows: Sequence[Mapping[str, Any]], types: Mapping[str, pa.DataType]) -> pa.Table:
+    """Rows as a table whose columns have types that no row decides; nan and empty texts are no values.
+
+    `types` are those of the columns with the values of a point.
+    """
     columns = {}
     for name in dict.fromkeys([*(name for row in rows for name in row), *LAST]):
-        kind = varied.get(name) or TYPES.get(name.removesuffix(ESTIMATED), pa.float64())
+        kind = types.get(name) or TYPES.get(name, pa.float64())
         values = [row.get(name) for row in rows]
         columns[name] = pa.array(
             [None if value == "" else value for value in values], kind, from_pandas=True
@@ -107,7 +68,6 @@ def read_hash(path: PathLike) -> str:
 def join_tables(
     path: PathLike,
     chunks: Mapping[PathLike, str],
-    varied: Sequence[str],
     rows: int,
     settings: str,
     text: PathLike | None = None,
@@ -120,7 +80,7 @@ def join_tables(
         if read_hash(chunk) != expected:
             raise DataError(f"{chunk}: the table was made with other settings: {REMEDY}.")
     schema = pa.unify_schemas([_read_schema(chunk).remove_metadata() for chunk in chunks])
-    schema = pa.schema([schema.field(name) for name in _order_columns(schema.names, varied)])
+    schema = pa.schema([schema.field(name) for name in _order_columns(schema.names)])
     table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(
         use_threads=False
     )
@@ -190,12 +150,13 @@ def _read_schema(path: PathLike) -> pa.Schema:
         return parquet.read_schema(path)
 
 
-def _order_columns(names: Collection[str], varied: Sequence[str]) -> list[str]:
+def _order_columns(names: Collection[str]) -> list[str]:
     """Keys, scores, parameters and diagnostics, faults."""
+    varied = [name for name in names if name.startswith(POINT)]
     first = ["study", "point", *varied, "method", "trial"]
 
     def place(name: str) -> tuple[bool, int, str]:
-        base = name.removesuffix("_low").removesuffix("_high").removesuffix(ESTIMATED)
+        base = name.removesuffix("_low").removesuffix("_high")
         return (
             not name.startswith("vaf_"),
             ORDER.get(base, len(ORDER)),
@@ -212,19 +173,6 @@ def default_quantities(columns: Collection[str]) -> list[str]:
     return [name for name in first if name] + [
         f"{name}_error" for name in ("K", "G") if name in columns
     ]
-
-
-def desired_value(quantity: str) -> Literal["high", "zero", "low"] | None:
-    """What a method should reach: "high" for a VAF, "zero" for an error or bias, "low" for a share of faults."""
-    if quantity.startswith(("vaf_", "unseen_")):
-        return "high"
-    if quantity in ERRORS or quantity.endswith("_bias"):
-        return "zero"
-    return (
-        "low"
-        if quantity == "pole_error" or quantity.endswith("_nrmse") or quantity in FAULT_SHARES
-        else None
-    )
 
 
 def label_parameter(name: str, labels: Mapping[str, str]) -> str:

@@ -25,7 +25,6 @@ from ankleloop.plotting.style import (
     DataFigure,
     MethodStyle,
 )
-from ankleloop.signals.vaf import confidence_margin
 
 RATIO, LIMITS = "rms error over the bound [1]", (0.7, 50.0)  # and its axis
 
@@ -39,11 +38,12 @@ def curves_figure(
     log: bool = False,
     above: float | None = None,
 ) -> DataFigure:
-    """Mean over trials against a parameter, with the 95 % confidence band of the mean.
+    """Means over trials against a parameter, with their 95 % confidence bands.
 
-    A single trial has no band. A ring marks means of which a trial failed or came with a warning; where every trial
-    failed, a cross stands at the lower edge of the panel. Panels of the same quantity share their ordinate. What lies
-    above a level is also shown on a scale of its own, in panels on top of the others.
+    The columns are `panel`, `series`, `x`, `value`, `low`, `high`, `marked` and `failed`. A single trial has no band. A
+    ring marks means of which a trial failed or came with a warning; where every trial failed, a cross stands at the
+    lower edge of the panel. Panels of the same quantity share their ordinate. What lies above a level is also shown on
+    a scale of its own, in panels on top of the others.
     """
     panels = {name: replace(panel, xlabel=xlabel, log="x" * log) for name, panel in panels.items()}
     columns = min(COLUMNS, len(panels))
@@ -58,29 +58,11 @@ def curves_figure(
         panels = {**upper, **panels}
         table = pd.concat([table.assign(panel="upper " + table["panel"]), table], ignore_index=True)
     width = ONE_COLUMN if len(panels) == 1 else TWO_COLUMNS
-    means = _summarise(table)
-    figure, axes = draw_panels(means, panels, styles, columns=columns, width=width, sharex=True)
+    figure, axes = draw_panels(table, panels, styles, columns=columns, width=width, sharex=True)
     for axis, (name, panel) in zip(axes, panels.items(), strict=True):
         if panel.limits and panel.limits[0] != above:
-            note_lowest(axis, means.loc[means["panel"] == name, "value"].min())
+            note_lowest(axis, table.loc[table["panel"] == name, "value"].min())
     return finish(figure)
-
-
-def _summarise(trials: pd.DataFrame) -> pd.DataFrame:
-    """Mean and interval of each series at each value of the parameter, and what came of the trials."""
-    order = {name: number for number, name in enumerate(dict.fromkeys(trials["series"]))}
-    outcome = trials.get("outcome", pd.Series("estimate", trials.index))
-    trials = trials.assign(marked=outcome != "estimate", failed=outcome == "failure")
-    by = trials.groupby(["panel", "series", "x"], sort=False)
-    means = by["value"].agg(["mean", "std", "count"]).set_axis(["value", "sd", "trials"], axis=1)
-    margin = confidence_margin(means["sd"], means["trials"])  # none of a single trial
-    means = means.assign(low=means["value"] - margin, high=means["value"] + margin)
-    means = (
-        means.assign(marked=by["marked"].any(), failed=by["failed"].all())
-        .drop(columns="sd")
-        .reset_index()
-    )
-    return means.sort_values(["series", "x"], key=lambda column: column.replace(order))
 
 
 def ratio_figure(table: pd.DataFrame, *, limit: float, styles: Styles | None = None) -> DataFigure:

@@ -25,6 +25,7 @@ from ankleloop.plotting.panels import (
     panel_grid,
 )
 from ankleloop.plotting.style import REFERENCE_LINE, STYLE, DataFigure
+from ankleloop.quantities import point_column
 
 BINS = 10  # of a parameter with more values than are shown one by one
 LEAST_DECADE = 5.0  # largest over smallest value, from which on an axis may be logarithmic
@@ -47,7 +48,7 @@ COLOUR_BAR: dict[str, Any] = {"aspect": 22, "pad": 0.02, "format": "{x:g}", "ext
 class SweepAxis:
     """A varied parameter with its distinct values: numbers in their order, then all others."""
 
-    name: str  # column of the parameter
+    name: str  # of the setting or option
     label: str  # its name with unit
     values: tuple[Any, ...]
     words: Mapping[Any, str] = field(
@@ -67,6 +68,11 @@ class SweepAxis:
             (*numbers, *(value for value in distinct if not _is_number(value))),
             words or {},
         )
+
+    @property
+    def column(self) -> str:
+        """Column of a table of trials with its values."""
+        return point_column(self.name)
 
     @property
     def ordered(self) -> bool:

@@ -26,7 +26,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.methods.selection import check_selection
 from ankleloop.options import Options, option, suggest_name
-from ankleloop.paper.trial_tables import SWEEP_QUANTITIES
+from ankleloop.quantities import TRIAL_QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.checking import check, check_cases
 from ankleloop.studies.recording_settings import MAX_NAME, RECORDING_NAME, Recording
@@ -50,7 +50,9 @@ NOTEBOOKS = {
     "passes": Notebook(("passes",), ("one setting", "settings", "numbers", "cascade")),
     "table2": Notebook(("figure5",), ("trials", "settings")),
     "comparison": Notebook(("stiffness", "vaf"), ("estimates", "settings", "numbers")),
-    "traces": Notebook(("traces",), ("estimates", "settings", "real-time", "truths")),
+    "traces": Notebook(
+        ("traces",), ("estimates", "settings", "real-time", "truths", "shared truths")
+    ),
     "sensitivity": Notebook(("map",), ("two settings", "settings", "truths", "stop rule")),
     "efficiency": Notebook(("efficiency",), ("settings", "truths", "delay")),
     "choosing": Notebook(("choosing",), ("one setting", "settings", "numbers", "truths", "select")),
@@ -200,7 +202,7 @@ class SweepSettings(Options):
             raise ValueError(
                 "no setting and no option differs between the points: give points more than one value"
             )
-        _check_list("quantities", self.quantities, "quantity", SWEEP_QUANTITIES)
+        _check_list("quantities", self.quantities, "quantity", TRIAL_QUANTITIES)
         _check_list("methods", self.methods, "method", methods)
         _check_list("difference", self.difference, "method", methods)
         _check_list("axes", self.axes, "varied parameter", varied)
@@ -278,15 +280,10 @@ class SimulationStudy(_StudySettings):
         "everything",
         "what is left on disk: everything, estimates without trials, or scores and parameters alone",
     )
-    job_minutes: float = option(
-        1.0,
-        "length of a job that is aimed at, from the measured cost of its trials",
-        unit="min",
-        gt=0,
-        le=1e4,
-    )
-    trials_per_chunk: int | None = option(
-        None, "trials of one point that share a job, in place of job_minutes", ge=1
+    trials_per_chunk: int = option(
+        200,
+        "trials that share a job: whole points until it has as many; a point of more is divided",
+        ge=1,
     )
     sweep: SweepSettings = option(
         description="what the notebook sweep shows", default_factory=SweepSettings
@@ -380,6 +377,12 @@ class Config(Options):
             raise ValueError(
                 "studies: 'economy' has another table, results/tables/economy.csv: give it another name"
             )
+        for name in self.studies:
+            if name.endswith("-trials") and name.removesuffix("-trials") in self.studies:
+                raise ValueError(
+                    f"studies: {name!r} has the table of all trials of {name.removesuffix('-trials')!r}: "
+                    "give it another name"
+                )
         _check_list("run", self.run, "study", self.studies)
         _check_list("article", self.article, "study", self.studies)
         if self.article_names:

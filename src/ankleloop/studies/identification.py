@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +15,8 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import EstimateTable
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.registry import identify
-from ankleloop.paper.trial_tables import ENDS, ESTIMATED, as_table, save_table
+from ankleloop.paper.trial_tables import ENDS, as_table, save_table
+from ankleloop.quantities import point_column
 from ankleloop.trials.files import PathLike
 from ankleloop.trials.trial_files import Trials, load_rows
 
@@ -55,7 +56,7 @@ def identify_trials(
     estimates = (
         EstimateTable(precision, Path(files["scores"]).parent) if "estimates" in files else None
     )
-    varied = {name: TYPES[kind] for name, kind in kinds.items()}
+    types = {point_column(name): TYPES[kind] for name, kind in kinds.items()}
     tables, waiting = [], []
     for condition, number, trial in trials:
         prepared = trial if isinstance(trial, str) else PreparedTrial(trial, validated=True)
@@ -79,20 +80,18 @@ def identify_trials(
                 keys = {
                     "study": study,
                     "point": point,
-                    **part["values"],
+                    **{point_column(column): value for column, value in part["values"].items()},
                     "method": name,
                     "trial": number,
                 }
-                waiting.append(
-                    keys | {_column(column, varied): value for column, value in row.items()}
-                )
+                waiting.append(keys | row)
         if len(waiting) >= GROUP_ROWS:
-            tables.append(as_table(waiting, varied))
+            tables.append(as_table(waiting, types))
             waiting = []
         log.info("%s: identified trial %d", condition, number)
         if isinstance(prepared, PreparedTrial):
             prepared.clear()
-    table = pa.concat_tables([*tables, as_table(waiting, varied)], promote_options="default")
+    table = pa.concat_tables([*tables, as_table(waiting, types)], promote_options="default")
     if estimates is not None:
         estimates.write(files["estimates"], overwrite=True)
     save_table(table, files["scores"], settings)
@@ -115,9 +114,3 @@ def _identify(
     return estimate, dict(
         zip(names, (value for _, _, *row in scores for value in row), strict=True)
     ) | parameters
-
-
-def _column(name: str, varied: Collection[str]) -> str:
-    """Column of an estimated quantity: one that the points vary by name has the value of the point there."""
-    quantity = name.removesuffix("_low").removesuffix("_high")
-    return f"{quantity}{ESTIMATED}{name.removeprefix(quantity)}" if quantity in varied else name

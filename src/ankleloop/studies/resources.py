@@ -1,22 +1,19 @@
-"""What a job needs: the library code behind its script, and time and memory by what its chunk holds.
+"""The library code behind the script of a job.
 
 Snakemake runs a job again when its script changes, not when a module that the script imports does. So each job carries
 a fingerprint as a parameter: it covers the modules of the library that the script reaches, and no others, and the
-versions of packages that register methods, if it reaches the registry. Costs are those that `benchmarks/resources.py`
-has measured.
+versions of packages that register methods, if it reaches the registry.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from ankleloop.methods.entry_points import list_packages
 
@@ -28,22 +25,6 @@ IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n;]*)|import[ \t]+([^\n;]*))",
     re.MULTILINE,
 )
-
-MEASURED = Path(__file__).with_name("resources.json")
-BLOCK_ROWS = 15  # those of the measured methods
-MEMORY = 2000  # MB of a job, as much again at each new attempt: no job of usual trials takes more than half of it
-SPARE_TIME = 4.0  # for slower processors, and for cores that are shared
-SPARE_MINUTES = 10  # for a file system that is slow, and for compiling the kernels on a new machine
-
-_SECONDS: dict[str, float] = json.loads(MEASURED.read_text(encoding="utf-8"))["seconds"]
-# Time of the processor in which a job imports its modules and loads its compiled code [s].
-START_SECONDS = _SECONDS["start"]
-RECORDING_SECONDS = _SECONDS[
-    "recording"
-]  # for the analysis and the page of a recording of a laboratory [s]
-SLOWEST = max(
-    (name for name in _SECONDS if name.endswith("sample")), key=_SECONDS.__getitem__
-).removesuffix(" sample")
 
 
 def fingerprint(*scripts: str | os.PathLike[str]) -> str:
@@ -110,33 +91,3 @@ def _find_files(name: str) -> Iterable[Path]:
         return ()
     path = LIBRARY.joinpath(*name.split("."))
     return filter(Path.is_file, (path.with_suffix(".py"), path / "__init__.py"))
-
-
-def simulation_seconds(samples: float) -> float:
-    """Time of the processor for the simulation of a trial, and for writing it [s]."""
-    return _SECONDS["simulated trial"] + _SECONDS["simulated sample"] * samples
-
-
-def identification_seconds(
-    samples: float, methods: Iterable[Mapping[str, Any]], recording_rate: float = 1000.0
-) -> float:
-    """Time of the processor for the identification of a trial by some methods, and for its scores [s]."""
-    seconds = _SECONDS["prepared trial"] + _SECONDS["prepared sample"] * samples
-    for entry in methods:
-        name, options = entry["method"], entry.get("options", {})
-        if (
-            name == "riv" and options.get("delay", 0.0) is None
-        ):  # without its delay riv searches one
-            name = "riv-delay"
-        if f"{name} trial" not in _SECONDS:
-            name = SLOWEST
-        identified = samples / recording_rate * options.get("identification_rate", 100.0)
-        cost = _SECONDS[f"{name} trial"] + _SECONDS[f"{name} sample"] * identified
-        rows = options.get("block_rows", BLOCK_ROWS) / BLOCK_ROWS if name.endswith("moesp") else 1.0
-        seconds += cost * rows ** _SECONDS["block rows"]
-    return seconds
-
-
-def requested_minutes(seconds: float, attempt: int) -> int:
-    """Time that a job asks a scheduler for, and twice as much at each new attempt [min]."""
-    return math.ceil(SPARE_MINUTES + SPARE_TIME * seconds / 60) * 2 ** (attempt - 1)

@@ -8,6 +8,7 @@ from typing import Any
 
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import decimation_grid
+from ankleloop.quantities import SETTINGS
 from ankleloop.studies.checking import ConfigError, find_key, key_error
 from ankleloop.studies.config import NOTEBOOKS, Config
 from ankleloop.studies.points import SIMULATION
@@ -141,6 +142,10 @@ def find_need(study: SimulatedStudy) -> str:
         "truths": (
             not study.settings.against,
             "scores against the true torques: leave out against: measured",
+        ),
+        "shared truths": (
+            not set(varied) & {SETTINGS[name] for name in ("K", "B", "I", "G")},
+            f"points with the same stiffness, viscosity, inertia and reflex gain, got {names}",
         ),
         "real-time": (used == ["real-time"], f"one method, real-time, got {', '.join(used)}"),
         "cascade": ("parallel-cascade" in used, "a method parallel-cascade"),

@@ -1,17 +1,16 @@
 """Studies of a configuration: simulated trials, or recordings of a laboratory, in the chunks that jobs take.
 
-A chunk has a power of two of trials of one condition, or of conditions, so that its size changes seldom: another point
-at the end changes the last chunk alone, and chunks of identification are parts of trial files.
+A chunk has whole conditions until it has enough trials, and one of more trials is divided. So another point at the end
+changes the last chunk alone, and an edited value the chunk that holds it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import re
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -19,14 +18,9 @@ from ankleloop.studies.checking import check, check_cases, expand_path, key_erro
 from ankleloop.studies.config import NOTEBOOKS, Config, RecordingsStudy, SimulationStudy
 from ankleloop.studies.points import Point, list_points
 from ankleloop.studies.recording_settings import read_recordings
-from ankleloop.studies.resources import (
-    RECORDING_SECONDS,
-    START_SECONDS,
-    identification_seconds,
-    simulation_seconds,
-)
 
 MAX_SAMPLES = 2**25  # of all trials of a trial file, about, which then has 2 GB
+ROUNDING = 1e-9  # of a sum of shares
 
 
 class PointTrials(NamedTuple):
@@ -38,7 +32,6 @@ class PointTrials(NamedTuple):
 
 
 Chunk = list[PointTrials]
-Parts = list[tuple[Any, PointTrials]]  # each with what those of a chunk share
 
 
 class Study:
@@ -67,9 +60,9 @@ class Study:
 class SimulatedStudy(Study):
     """A study of simulated trials.
 
-    Trials of a trial file (`trial_chunks`; none where no trials are kept) have equal length, rate and variables. Their
-    number follows from the simulation alone: another method or option simulates nothing again. Trials of a chunk
-    (`chunks`), which one job identifies, belong to one trial file; without these their length and rate may differ.
+    Trials of a trial file (`trial_files`; none where no trials are kept) have equal length, rate and variables. Their
+    number follows from the simulation alone: another method or option simulates nothing again. A chunk (`chunks`),
+    which one job identifies, is part of a trial file; without trial files the length and rate of its trials may differ.
     """
 
     settings: SimulationStudy
@@ -98,22 +91,40 @@ class SimulatedStudy(Study):
             name: {"method": method.method, "options": method.identify_options}
             for name, method in settings.methods.items()
         }
-        target = 60.0 * settings.job_minutes
-        self._job_seconds = max(target - START_SECONDS, target / 2)  # of a job without its start
-        parts = self._list_trials()
-        self.trial_chunks: list[Chunk] = []
+        trials = [PointTrials(name, 0, settings.trials) for name in self.conditions]
+        self.trial_files: list[Chunk] = []
         if settings.keep == "everything":
-            self.trial_chunks = [chunk for _, chunk in self._divide(parts, self._simulation_cost)]
-            ranks = {condition: rank for rank, condition in enumerate(self.conditions)}
-            parts = [
-                (number, part) for number, chunk in enumerate(self.trial_chunks) for part in chunk
-            ]
-            parts.sort(key=lambda row: (ranks[row[1].condition], row[1].first))
-        divided = self._divide(parts, self._cost)
-        self.chunks: list[Chunk] = [chunk for _, chunk in divided]
-        self.trial_chunk_numbers = [
-            label for label, _ in divided
-        ]  # of the trial file that holds each chunk
+            self.trial_files = split_trials(trials, self._most_in_file, self._variables_of)
+        self.chunks: list[Chunk] = []
+        self.file_numbers: list[int] = []  # of the trial file that holds each chunk
+        for number, part in enumerate(self.trial_files or [trials]):
+            chunks = split_trials(part, self._most_in_chunk, self._rate_of)
+            self.chunks += chunks
+            self.file_numbers += [number] * len(chunks)
+
+    def _most_in_file(self, condition: str) -> int:
+        """Most trials of a trial file that are like those of a condition."""
+        return min(self.settings.trials_per_chunk, MAX_SAMPLES // self._samples[condition])
+
+    def _most_in_chunk(self, condition: str) -> int:
+        """Most trials of a chunk that are identified at as many points as those of a condition."""
+        return self.settings.trials_per_chunk // len(self._points_of[condition])
+
+    def _variables_of(self, condition: str) -> Hashable:
+        """What the trials of a file have in common: length, rate and variables."""
+        settings = self.conditions[condition]
+        follows_cycle = any(
+            settings[name] for name in ("movement", "locked_torque", "perturbation_locked")
+        )
+        common = ("duration", "recording_rate", "variation")
+        return (*(settings[name] for name in common), follows_cycle)
+
+    def _rate_of(self, condition: str) -> Hashable:
+        """What the estimates of a file have in common: length and rate; nothing where none are kept."""
+        settings = self.conditions[condition]
+        if self.settings.keep == "scores":
+            return None
+        return settings["duration"], settings["recording_rate"]
 
     def simulation(self, parts: Chunk) -> dict[str, Any]:
         """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
@@ -150,87 +161,32 @@ class SimulatedStudy(Study):
         """Hash of the settings that make the table of the study."""
         return _hash(*self.hashes)
 
-    def simulation_seconds(self, parts: Chunk) -> float:
-        """Time of a job that simulates a chunk [s]."""
-        return START_SECONDS + sum(
-            (stop - first) * simulation_seconds(self._samples[c]) for c, first, stop in parts
-        )
 
-    def identification_seconds(self, parts: Chunk) -> float:
-        """Time of a job that identifies a chunk, and simulates it where no trials are kept [s]."""
-        return START_SECONDS + sum(
-            (stop - first) * self._cost(condition) for condition, first, stop in parts
-        )
+def split_trials(
+    trials: Iterable[PointTrials], most: Callable[[str], int], label: Callable[[str], Hashable]
+) -> list[Chunk]:
+    """Chunks of trials whose conditions have one label: whole conditions until there are enough trials.
 
-    def _list_trials(self) -> Parts:
-        """All trials of each condition, with what those of a file share: length, rate and variables."""
-        parts: Parts = []
-        for condition, settings in self.conditions.items():
-            follows_cycle = any(
-                settings[name] for name in ("movement", "locked_torque", "perturbation_locked")
-            )
-            label = (
-                settings["duration"],
-                settings["recording_rate"],
-                settings["variation"],
-                follows_cycle,
-            )
-            trials = PointTrials(condition, 0, self.settings.trials)
-            parts.append((None if self.settings.keep == "scores" else label, trials))
-        return parts
-
-    def _simulation_cost(self, condition: str) -> float:
-        """Time in which a trial is simulated, or more where a trial file would become too large [s]."""
-        samples = self._samples[condition]
-        return max(simulation_seconds(samples), self._job_seconds * samples / MAX_SAMPLES)
-
-    def _cost(self, condition: str) -> float:
-        """Time in which a trial is identified at all points, and simulated where none is kept [s].
-
-        Options that vary count by their number and not by their values: an edited value must not move other trials to
-        other chunks.
-        """
-        points, samples = self._points_of[condition], self._samples[condition]
-        counts = {
-            name: len({tuple(p.options.get(name, {}).items()) for p in points})
-            for name in self.methods
-        }
-        methods = [
-            self.identified_methods[name] for name, count in counts.items() for _ in range(count)
-        ]
-        cost = identification_seconds(
-            samples, methods, self.conditions[condition]["recording_rate"]
-        )
-        return cost + simulation_seconds(samples) * (self.settings.keep != "everything")
-
-    def _chunk_size(self, seconds: float) -> tuple[int, int]:
-        """Most trials of one condition, and most conditions, in a chunk whose trials take some time each."""
-        settings = self.settings
-        if settings.trials_per_chunk:
-            return settings.trials_per_chunk, 1
-        count = 2 ** round(math.log2(max(self._job_seconds / seconds, 1.0)))  # nearest power of two
-        if count < settings.trials:
-            return count, 1
-        return settings.trials, 1 << (count // settings.trials).bit_length() - 1
-
-    def _divide(self, parts: Parts, seconds: Callable[[str], float]) -> list[tuple[Any, Chunk]]:
-        """Chunks of parts with one label, of the size that the configuration sets or that fits; in one pass."""
-        chunks: list[tuple[Any, Chunk]] = []
-        last: dict[Hashable, Chunk] = {}
-        for label, part in parts:
-            trials, conditions = self._chunk_size(seconds(part.condition))
-            if trials < part.stop - part.first:
-                for first in range(part.first, part.stop, trials):
-                    chunks.append(
-                        (label, [part._replace(first=first, stop=min(first + trials, part.stop))])
-                    )
-            else:
-                key = (label, trials, conditions)
-                if len(last.get(key, ())) in (0, conditions):
-                    last[key] = []
-                    chunks.append((label, last[key]))
-                last[key].append(part)
-        return chunks
+    `most` is the number of trials of a chunk that has such a condition alone; a condition of more trials is divided.
+    """
+    chunks: list[Chunk] = []
+    filling: dict[Hashable, Chunk] = {}  # the last chunk of each label
+    filled: dict[Hashable, float] = {}  # share of it that is taken
+    for condition, first, stop in trials:
+        size = max(1, most(condition))
+        key = label(condition)
+        share = (stop - first) / size
+        if share > 1.0:
+            starts = range(first, stop, size)
+            chunks += [[PointTrials(condition, k, min(k + size, stop))] for k in starts]
+        elif filled.get(key, 1.0) + share > 1.0 + ROUNDING:
+            filling[key] = [PointTrials(condition, first, stop)]
+            filled[key] = share
+            chunks.append(filling[key])
+        else:
+            filling[key].append(PointTrials(condition, first, stop))
+            filled[key] += share
+    return chunks
 
 
 def _hash(*values: Any) -> str:
@@ -290,7 +246,12 @@ class RecordedStudy(Study):
         return [dict(items[first : first + count]) for first in range(0, len(items), count)]
 
     def check_files(self) -> None:
-        """Refuse a folder that has none of the files."""
+        """Refuse a folder that has none of the files, and names that Snakemake would take for wildcards."""
+        for name, point in self.points.items():
+            for path in point["paths"]:
+                if "{" in path or "}" in path:
+                    message = f"the recording {name}: Snakemake takes the braces of {path} for wildcards: rename it."
+                    raise key_error(("studies", self.name, "files"), message)
         paths = [path for point in self.points.values() for path in point["paths"]]
         if not any(map(os.path.exists, paths)):
             message = f"none of its {len(paths)} files exists; the first would be {os.path.abspath(paths[0])}."
@@ -300,10 +261,6 @@ class RecordedStudy(Study):
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
         paths = [path for mapping in self.chunks[chunk].values() for path in mapping["paths"]]
         return list(filter(os.path.exists, paths))
-
-    def seconds(self, chunk: int) -> float:
-        """Time of the job of a chunk [s]."""
-        return START_SECONDS + RECORDING_SECONDS * len(self.chunks[chunk])
 
 
 def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:

@@ -50,16 +50,6 @@ def page(tmp_path):
     )
 
 
-def test_rows_of_curves_have_a_panel_for_each_column(page):
-    curves = page.stack("reflex_gain", {"VAF": "vaf_net_measured", "K": "K", "G": "G"})
-    assert curves["panel"].value_counts().to_dict() == {"VAF": 8, "K": 8, "G": 8}
-    assert (
-        curves.loc[curves["panel"] == "G", "value"].isna().all()
-    )  # a column that no method of the study has
-    assert curves["outcome"].tolist()[:4] == ["failure", "estimate", "estimate", "warning"]
-    assert set(curves["series"]) == {"RIV", "PR <&>"}
-
-
 def test_the_note_of_a_figure_counts_trials_and_says_what_rings_are(page):
     note = page.fold("A note.").data
     assert page.typical == "g=13"

@@ -93,10 +93,10 @@ class Studies(Mapping):
     `vaf` and `error` return None where the default is meant.
     """
 
-    def __init__(self, vaf=None, error=None, trials=6, spread=0.0, points=POINTS):
+    def __init__(self, vaf=None, error=None, trials=6, spread=0.0, points=POINTS, labels=()):
         self.vaf, self.error = vaf or (lambda *_: None), error or (lambda *_: None)
         self.trials, self.spread, self.points = trials, spread, points
-        self.results = {}
+        self.labels, self.results = dict(labels), {}
 
     def __iter__(self):
         return iter(self.points)
@@ -130,7 +130,8 @@ class Studies(Mapping):
                 vaf = mean + self.noise(study, point, method, torque)
                 columns |= {f"vaf_{torque}_{against}": vaf for against in ("measured", "true")}
             tables.append(pd.DataFrame(columns).assign(point=point, method=method, passes=27.0))
-        return StudyResults(study, points, pd.concat(tables, ignore_index=True))
+        table = pd.concat(tables, ignore_index=True)
+        return StudyResults(study, points, table, self.labels)
 
     def noise(self, *key):
         """Deviations of zero mean."""

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pandas as pd
 
+from ankleloop.quantities import point_column
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.studies.config import SweepSettings
 
@@ -37,7 +38,7 @@ def make_trials(points, *, trials=3, fail=lambda row: False, warn=lambda row: Fa
         row = {
             "study": "s",
             "point": ",".join(f"{name}={value}" for name, value in sorted(values.items())),
-            **values,
+            **{point_column(name): value for name, value in values.items()},
         }
         row |= {"method": method, "trial": trial}
         loss = noise * (1.0 + rank) + 0.1 * rng.random()

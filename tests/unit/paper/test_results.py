@@ -1,38 +1,9 @@
 import numpy as np
-import pandas as pd
 import pytest
 
-from ankleloop.paper.results import summarise_columns, true_spectral_radius, true_values
+from ankleloop.paper.results import true_spectral_radius, true_values
 from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
-
-
-@pytest.fixture
-def parameters():
-    """Two points, two methods, two trials; one method has no reflex gain."""
-    rows = [
-        {
-            "point": point,
-            "method": method,
-            "trial": trial,
-            "K": 150.0 + trial,
-            "G": np.nan if method == "riv" else 2.0,
-        }
-        for point in ("gain=5", "gain=10")
-        for method in ("riv", "pr-moesp")
-        for trial in (0, 1)
-    ]
-    return pd.DataFrame(rows)
-
-
-def test_summary_has_the_order_of_the_rows_and_leaves_out_missing_values(parameters):
-    summary = summarise_columns(parameters, ["point", "method"], ["K", "G"])
-    assert list(summary["point"]) == ["gain=5", "gain=5", "gain=10", "gain=10"]
-    assert list(summary.columns[2:5]) == ["K_mean", "K_std", "K_count"]
-    assert summary.loc[0, ["K_mean", "K_count", "G_count"]].tolist() == [150.5, 2, 0]
-    assert summary.loc[0, "K_std"] == pytest.approx(np.sqrt(0.5))
-    assert np.isnan(summary.loc[0, "G_mean"])
-    assert summary[["trials", "failures", "warnings"]].values.tolist() == [[2, 0, 0]] * 4
 
 
 @pytest.mark.parametrize(

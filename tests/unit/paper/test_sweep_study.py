@@ -26,7 +26,9 @@ def read(tmp_path):
 
 @pytest.fixture
 def sweep(read):
-    table = make_trials(POINTS, fail=lambda row: row["voluntary"] == 0.5 and row["trial"] == 0)
+    table = make_trials(
+        POINTS, fail=lambda row: row["point.voluntary"] == 0.5 and row["trial"] == 0
+    )
     return read(table, ["reflex_gain", "voluntary"], difference=["riv", "moesp"])
 
 
@@ -87,7 +89,7 @@ def test_extremes_are_the_ends_of_the_means(sweep):
     ].set_index("rank")
     means = (
         sweep.trials[sweep.trials["method"] == "moesp"]
-        .groupby(["reflex_gain", "voluntary"])["vaf_net_true"]
+        .groupby(["point.reflex_gain", "point.voluntary"])["vaf_net_true"]
         .mean()
     )
     for rank, place in (("best", means.idxmax()), ("worst", means.idxmin())):
@@ -100,7 +102,7 @@ def test_extremes_are_the_ends_of_the_means(sweep):
 def test_error_with_the_smallest_root_mean_square_is_the_best(read):
     table = make_trials(grid(voluntary=[0.1, 0.2]), trials=2)
     table["K"] = np.where(
-        table["voluntary"] == 0.1, np.where(table["trial"] == 0, 100.0, 200.0), 153.0
+        table["point.voluntary"] == 0.1, np.where(table["trial"] == 0, 100.0, 200.0), 153.0
     )
     sweep = read(table, ["voluntary"], quantities=["K_error"])
     best = (

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from ankleloop.paper.results import COUNTS
+from ankleloop.paper.means import COUNTS
 from ankleloop.paper.tables import (
     compare_with_bound,
     compare_with_published,

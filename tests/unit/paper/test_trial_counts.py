@@ -1,14 +1,11 @@
-"""Counts of trials that a mean holds, leaves out, or holds with a warning."""
+"""Means with their intervals, and counts of trials that a mean holds, leaves out, or holds with a warning."""
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
-from ankleloop.paper.results import (
-    COUNTS,
-    count_outcomes,
-    summarise_scores,
-)
+from ankleloop.paper.means import COUNTS, count_outcomes, curve_means, mean_scores, means, widen
 
 
 @pytest.fixture
@@ -58,7 +55,7 @@ def test_means_of_scores_keep_their_order_and_say_what_they_leave_out(parameters
     )
     vaf = np.where(parameters["failure"].isna(), np.arange(12.0), np.nan)
     parameters = parameters.assign(vaf_net_true=vaf, vaf_reflex_true=vaf + 5)
-    table = summarise_scores(parameters, ["point", "method"])
+    table = mean_scores(parameters, ["point", "method"])
     assert table[["point", "method", "torque"]].values.tolist()[:3] == [
         ["p", "riv", "net"], ["p", "riv", "reflex"], ["p", "pr", "net"]
     ]  # fmt: skip
@@ -66,3 +63,41 @@ def test_means_of_scores_keep_their_order_and_say_what_they_leave_out(parameters
     assert table["mean"].isna().tolist() == [False] * 6 + [True] * 2
     assert table[["n", *COUNTS]].values.tolist()[:2] == [[2, 3, 1, 1, 1]] * 2
     assert table[["n", *COUNTS]].values.tolist()[-1] == [0, 3, 3, 0, 0]
+
+
+def test_means_equal_numpy_on_each_group(parameters):
+    rng = np.random.default_rng(1)
+    table = parameters.assign(
+        K=np.where(parameters["failure"].isna(), rng.normal(150, 3, 12), np.nan)
+    )
+    rows = means(table, ["point", "method"], ["K", "passes"], {"low": 0.1})
+    assert rows["quantity"].tolist() == ["K", "passes"] * 4
+    for row in rows[rows["quantity"] == "K"].itertuples():
+        values = table.query("point == @row.point and method == @row.method")["K"].dropna()
+        assert (row.mean, row.sd, row.n) == pytest.approx(
+            (values.mean(), values.std(), len(values))
+        )
+        low, high = stats.t.interval(0.95, len(values) - 1, values.mean(), stats.sem(values))
+        assert (row.mean - row.margin, row.mean + row.margin) == pytest.approx((low, high))
+        assert row.low == pytest.approx(np.quantile(values, 0.1))
+    nothing = rows[rows["quantity"] == "passes"]  # a column that no method of the study has
+    assert nothing["n"].eq(0).all()
+    assert nothing[["mean", "margin"]].isna().all(axis=None)
+    wide = widen(rows, ["point", "method"])
+    assert list(wide.columns[:5]) == ["point", "method", "K_mean", "K_std", "K_count"]
+    assert wide["K_mean"].tolist() == rows.loc[rows["quantity"] == "K", "mean"].tolist()
+    assert wide[COUNTS].values.tolist() == rows.iloc[::2][COUNTS].values.tolist()
+
+
+def test_curves_have_a_panel_for_each_column_and_marks_for_faults(parameters):
+    table = parameters.assign(series=parameters["method"].str.upper(), x=parameters["gain"], K=1.0)
+    table.loc[table["point"].eq("q") & table["method"].eq("pr"), "failure"] = "no pole"
+    curves = curve_means(table, {"first": "K", "second": "none"})
+    first = curves[curves["panel"] == "first"]
+    assert first[["series", "x", "marked", "failed"]].values.tolist() == [
+        ["RIV", 2.0, True, False],
+        ["RIV", 5.0, False, False],
+        ["PR", 2.0, True, False],
+        ["PR", 5.0, True, True],
+    ]
+    assert curves.loc[curves["panel"] == "second", "value"].isna().all()

@@ -8,6 +8,7 @@ from study_jobs import run_jobs
 from ankleloop import DataError
 from ankleloop.methods.registry import METHODS
 from ankleloop.paper.trial_tables import join_tables, read_hash, read_results, read_trial_table
+from ankleloop.quantities import point_column
 from ankleloop.studies.study import read_studies
 
 UNSTABLE = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0}
@@ -61,7 +62,7 @@ def test_types_and_order_of_columns(table):
     assert schema.names[: len(VARIED) + 5] == [
         "study",
         "point",
-        *VARIED,
+        *map(point_column, VARIED),
         "method",
         "trial",
         "vaf_net_measured",
@@ -70,25 +71,26 @@ def test_types_and_order_of_columns(table):
     place = schema.names.index("K")
     assert schema.names[place : place + 3] == ["K", "K_low", "K_high"]
     types = {field.name: str(field.type) for field in schema}
-    assert {types[name] for name in ("trial", "order", "passes", "block_rows")} == {"int64"}
+    assert {types[name] for name in ("trial", "order", "passes", "point.block_rows")} == {"int64"}
     assert {
-        types[name] for name in ("K", "G_high", "reflex_gain", "snr_db", "vaf_net_true_low")
+        types[name]
+        for name in ("K", "G_high", "point.reflex_gain", "point.snr_db", "vaf_net_true_low")
     } == {"double"}
-    assert {types[name] for name in ("closed_loop", "stable", "converged")} == {"bool"}
-    assert {types[name] for name in ("point", "riv.basis", "failure", "warnings", "intervals")} == {
-        "string"
-    }
+    assert {types[name] for name in ("point.closed_loop", "stable", "converged")} == {"bool"}
+    assert {
+        types[name] for name in ("point", "point.riv.basis", "failure", "warnings", "intervals")
+    } == {"string"}
 
 
 def test_failures_have_rows_without_numbers(table):
     rows = read_trial_table(table)
     assert isinstance(rows["point"].dtype, pd.CategoricalDtype)
-    failed = rows[rows["reflex_gain"] == 30.0]
+    failed = rows[rows["point.reflex_gain"] == 30.0]
     assert failed["failure"].str.contains("the closed loop is unstable").all()
     assert failed[["K", "vaf_net_true"]].isna().all(axis=None)
     scores = (
         read_results(table)
-        .query("reflex_gain == 0")
+        .query("`point.reflex_gain` == 0")
         .filter(like="vaf_")
         .dropna(axis="columns", how="all")
     )
@@ -125,7 +127,7 @@ def test_text_that_a_spreadsheet_would_compute_gets_a_quote(tmp_path):
 
 def join(results, path, **changes):
     study = read_study()
-    arguments = {"varied": study.varied, "rows": study.rows, "settings": study.hash}
+    arguments = {"rows": study.rows, "settings": study.hash}
     join_tables(path, results.scores, **arguments | changes)
 
 

@@ -31,10 +31,9 @@ SWEEP = [
 
 def trials(**columns):
     rows = [
-        {"series": name, "x": x, "value": 90.0 + x, **columns}
+        {"series": name, "x": x, "value": 90.0 + x, "low": 89.0, "high": 95.0, **columns}
         for name in METHODS
         for x in (1.0, 2.0)
-        for _ in "ab"
     ]
     return pd.DataFrame(rows)
 

@@ -4,6 +4,7 @@ import pytest
 from matplotlib.markers import CARETRIGHTBASE
 from scipy import stats
 
+from ankleloop.paper.means import curve_means
 from ankleloop.plotting.panels import Panel, estimates_figure
 from ankleloop.plotting.studies import curves_figure
 
@@ -26,13 +27,22 @@ def results():
     return pd.DataFrame(rows)
 
 
+def average(rows):
+    """Means of the values in each panel, as figures take them."""
+    parts = [
+        curve_means(part.assign(point="p", trial=range(len(part))), {panel: "value"})
+        for panel, part in rows.groupby("panel", sort=False)
+    ]
+    return pd.concat(parts)
+
+
 def legend(figure):
     return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
 
 
 def test_curves_are_means_with_their_confidence_bands(results):
     figure = curves_figure(
-        results,
+        average(results),
         {"K": Panel("K [N·m/rad]", truth=15.0), "B": Panel("B [N·m·s/rad]")},
         xlabel="gain [1]",
     )
@@ -52,7 +62,7 @@ def test_curves_are_means_with_their_confidence_bands(results):
 def test_a_band_ends_where_a_single_trial_is_left(results):
     """No interval is known there: the band must not shrink to a line, as if the mean were exact."""
     rows = results[(results["x"] != 4.0) | ~results.duplicated(["panel", "series", "x"])]
-    figure = curves_figure(rows, {"K": Panel("K [N·m/rad]")}, xlabel="gain [1]")
+    figure = curves_figure(average(rows), {"K": Panel("K [N·m/rad]")}, xlabel="gain [1]")
     for band in figure.axes[0].collections:
         assert max(path.vertices[:, 0].max() for path in band.get_paths()) == 2.0
 
@@ -69,17 +79,17 @@ def rings(axis):
 
 def test_rings_mark_means_with_failures_or_warnings(results):
     rows = results[(results["panel"] == "K") & (results["series"] == "PR-MOESP")].assign(
-        outcome="estimate"
+        failure=None, warnings=None
     )
     panels = {"K": Panel("K [N·m/rad]")}
-    assert not rings(curves_figure(rows, panels, xlabel="gain [1]").axes[0])
+    assert not rings(curves_figure(average(rows), panels, xlabel="gain [1]").axes[0])
     first = rows.index[rows["x"] == 1.0][0]
     second = rows.index[rows["x"] == 2.0][0]
-    rows.loc[first, "outcome"] = "warning"
-    rows.loc[second, ["outcome", "value"]] = ["failure", np.nan]
-    rows.loc[rows["x"] == 4.0, "outcome"], rows.loc[rows["x"] == 4.0, "value"] = "failure", np.nan
+    rows.loc[first, "warnings"] = "unstable"
+    rows.loc[second, ["failure", "value"]] = ["no pole", np.nan]
+    rows.loc[rows["x"] == 4.0, ["failure", "value"]] = ["no pole", np.nan]
     figure = curves_figure(
-        rows, {"K": Panel("K [N·m/rad]", limits=(0.0, 100.0))}, xlabel="gain [1]"
+        average(rows), {"K": Panel("K [N·m/rad]", limits=(0.0, 100.0))}, xlabel="gain [1]"
     )
     means = rows.groupby("x")["value"].mean()
     assert rings(figure.axes[0]) == [
@@ -130,7 +140,7 @@ def test_what_lies_above_a_level_has_panels_of_its_own(results):
     panels = {
         name: Panel("VAF [%]", f"{name} torque", limits=(-200.0, 105.0)) for name in ("K", "B")
     }
-    figure = curves_figure(rows, panels, xlabel="gain [1]", above=90.0)
+    figure = curves_figure(average(rows), panels, xlabel="gain [1]", above=90.0)
     assert [axis.get_ylim() for axis in figure.axes] == [(90.0, 105.0)] * 2 + [(-200.0, 105.0)] * 2
     first, last = figure.axes[0].get_lines(), figure.axes[2].get_lines()
     assert [line.get_ydata().tolist() for line in first] == [
@@ -141,7 +151,9 @@ def test_what_lies_above_a_level_has_panels_of_its_own(results):
 
 def test_the_table_of_a_figure_has_what_its_lines_have(results):
     figure = curves_figure(
-        results, {"K": Panel("K [N·m/rad]"), "B": Panel("B [N·m·s/rad]")}, xlabel="gain [1]"
+        average(results),
+        {"K": Panel("K [N·m/rad]"), "B": Panel("B [N·m·s/rad]")},
+        xlabel="gain [1]",
     )
     assert figure.data["unit"].unique().tolist() == ["N·m/rad", "N·m·s/rad"]
     for axis, quantity in zip(figure.axes, ("K", "B"), strict=True):

@@ -77,16 +77,16 @@ def test_tables_do_not_depend_on_chunks_and_on_what_is_kept(results, chunks):
 
 def test_rows_are_ordered_by_condition_trial_point_and_method(results):
     rows = pd.read_parquet(results["several jobs"].table)[
-        ["reflex_gain", "trial", "block_rows", "method"]
+        ["point.reflex_gain", "trial", "point.block_rows", "method"]
     ]
     assert rows.values.tolist() == [
         list(row) for row in itertools.product([20.0, 10.0], range(3), [12, 15], ["pr", "cascade"])
     ]
     parameters = read_results(results["several jobs"].table)
     expected = itertools.product([20.0, 10.0], [12, 15], ["pr", "cascade"], range(3))
-    assert parameters[["reflex_gain", "block_rows", "method", "trial"]].values.tolist() == list(
-        map(list, expected)
-    )
+    assert parameters[
+        ["point.reflex_gain", "point.block_rows", "method", "trial"]
+    ].values.tolist() == list(map(list, expected))
 
 
 def test_the_library_gives_the_same_without_the_workflow(results):
@@ -238,7 +238,7 @@ def test_a_method_whose_options_are_the_same_identifies_a_trial_once(tmp_path, m
         run_jobs(read_study(points={"block_rows": [8, 10]}, trials=2), tmp_path).table
     )
     assert calls == [("pr-moesp", 8), ("parallel-cascade", None), ("pr-moesp", 10)] * 2
-    stiffness = rows.pivot(index=["method", "trial"], columns="block_rows", values="K")
+    stiffness = rows.pivot(index=["method", "trial"], columns="point.block_rows", values="K")
     assert (stiffness.loc["cascade", 8] == stiffness.loc["cascade", 10]).all()
     assert (stiffness.loc["pr", 8] != stiffness.loc["pr", 10]).all()
 
@@ -249,9 +249,9 @@ def test_a_parameter_of_the_sweep_keeps_its_column_beside_the_estimate_of_its_na
         points={"delay": [0.03, 0.05]}, trials=1, methods=methods, simulation={"duration": 15.0}
     )
     rows = pd.read_parquet(run_jobs(study, tmp_path).table)
-    assert rows["delay"].tolist() == [0.03, 0.05]
-    np.testing.assert_allclose(rows["delay_estimated"], rows["delay"], atol=0.01)
-    assert (rows["delay_estimated_low"] < rows["delay_estimated_high"]).all()
+    assert rows["point.delay"].tolist() == [0.03, 0.05]
+    np.testing.assert_allclose(rows["delay"], rows["point.delay"], atol=0.01)
+    assert (rows["delay_low"] < rows["delay_high"]).all()
 
 
 def test_a_trial_file_that_is_cut_off_is_named_with_the_remedy(tmp_path):

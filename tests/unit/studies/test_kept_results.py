@@ -43,3 +43,19 @@ def test_notebooks_that_know_settings_alone_refuse_options_before_the_first_job(
     with pytest.raises(ConfigError, match=match):
         read(notebook="table1", points=points)
     read(notebook="sweep", points=points)
+
+
+def test_traces_have_one_true_value_of_each_parameter():
+    settings = {"methods": ["real-time"], "notebook": "traces"}
+    with pytest.raises(
+        ConfigError, match="same stiffness, viscosity, inertia and reflex gain, got"
+    ):
+        read(points={"reflex_gain": [8.0, 12.0]}, **settings)
+    read(points={"closed_loop": [True, False]}, **settings)
+
+
+def test_two_studies_do_not_write_one_table():
+    study = {"kind": "simulation", "seed": 1, "methods": {"riv": {"method": "riv"}}}
+    with pytest.raises(ConfigError, match="'a-trials' has the table of all trials of 'a'"):
+        read_run({"studies": {"a": study, "a-trials": study}}, [])
+    read_run({"studies": {"a": study, "b-trials": study}}, [])

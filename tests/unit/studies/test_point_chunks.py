@@ -1,27 +1,10 @@
-"""Chunks of a target duration: stable where a study changes, parts of trial files, of a length that fits."""
+"""Chunks of a number of trials: stable where a study changes, parts of trial files."""
 
 import pytest
 
-from ankleloop.studies import study as study_module
-from ankleloop.studies.study import read_studies
+from ankleloop.studies.study import MAX_SAMPLES, read_studies
 
 METHODS = {"pr-moesp": {"method": "pr-moesp"}, "riv": {"method": "riv"}}
-# Time for the simulation of a trial of 50 s, and for its identification by a method with 15 block rows [s].
-TRIAL = 0.01
-
-
-@pytest.fixture(autouse=True)
-def known_costs(monkeypatch):
-    """Costs that no measurement changes."""
-
-    def identify(samples, methods, rate):
-        rows = sum(method["options"].get("block_rows", 15) for method in methods)
-        return TRIAL * samples / 50_000 * rows / 15
-
-    monkeypatch.setattr(
-        study_module, "simulation_seconds", lambda samples: TRIAL * samples / 50_000
-    )
-    monkeypatch.setattr(study_module, "identification_seconds", identify)
 
 
 def sweep(**settings):
@@ -47,30 +30,29 @@ def numbers(chunks):
 
 
 @pytest.mark.parametrize("keep", ["everything", "estimates", "scores"])
-@pytest.mark.parametrize("minutes", [0.01, 0.1, 1.0, 100.0])
-def test_every_trial_is_in_one_chunk(keep, minutes):
-    study = sweep(keep=keep, job_minutes=minutes)
+@pytest.mark.parametrize("most", [1, 30, 200, 450, 100_000])
+def test_every_trial_is_in_one_chunk_of_the_size_that_is_asked_for(keep, most):
+    study = sweep(keep=keep, trials_per_chunk=most)
     expected = [(condition, number) for condition in study.conditions for number in range(100)]
     assert sorted(numbers(study.chunks)) == sorted(expected)
-    assert sorted(numbers(study.trial_chunks)) == (sorted(expected) if keep == "everything" else [])
+    assert sorted(numbers(study.trial_files)) == (sorted(expected) if keep == "everything" else [])
+    sizes = [len(numbers([chunk])) for chunk in study.chunks]
+    if keep == "scores" and most >= 100:  # whole points, and as many as there is room for
+        assert set(sizes[:-1]) <= {100 * (most // 100)}
+    assert max(sizes) <= most
 
 
-@pytest.mark.parametrize("minutes", [0.2, 1.0, 5.0])
-def test_jobs_take_about_as_long_as_they_should(minutes):
-    """Powers of two come within a factor of two of the duration, the start of the job aside."""
-    study = sweep(keep="scores", job_minutes=minutes, points={"reflex_gain": list(range(1000))})
-    lengths = [3 * TRIAL * sum(part.stop - part.first for part in chunk) for chunk in study.chunks]
-    assert all(60 * minutes / 4 < length < 60 * minutes * 1.5 for length in lengths[:-1])
+def test_a_trial_file_stays_below_its_limit_of_samples():
+    study = sweep(simulation={"duration": 1000.0}, trials_per_chunk=1000)
+    assert len(study.trial_files) > 60
+    assert max(len(numbers([file])) for file in study.trial_files) * 1_000_000 <= MAX_SAMPLES
 
 
 def test_a_chunk_of_identification_is_part_of_one_trial_file():
-    study = sweep(
-        job_minutes=0.2,
-        methods=METHODS | {"wide": {"method": "pr-moesp", "options": {"block_rows": 60}}},
-    )
-    assert len(study.chunks) > len(study.trial_chunks) > 1
+    study = sweep(points={"reflex_gain": [1.0, 2.0, 3.0, 4.0], "block_rows": [10, 12, 15, 20]})
+    assert len(study.chunks) > len(study.trial_files) > 1
     for number, chunk in enumerate(study.chunks):
-        stored = set(numbers([study.trial_chunks[study.trial_chunk_numbers[number]]]))
+        stored = set(numbers([study.trial_files[study.file_numbers[number]]]))
         assert set(numbers([chunk])) <= stored
 
 
@@ -80,10 +62,10 @@ def test_another_method_or_option_simulates_nothing_again():
         sweep(methods={"pr-moesp": {"method": "pr-moesp"}}),
         sweep(points={"reflex_gain": list(range(60)), "pr-moesp.block_rows": list(range(10, 30))}),
     ):
-        files = range(len(study.trial_chunks))
-        assert len(other.trial_chunks) == len(study.trial_chunks)
+        files = range(len(study.trial_files))
+        assert len(other.trial_files) == len(study.trial_files)
         assert all(
-            other.simulation(other.trial_chunks[k]) == study.simulation(study.trial_chunks[k])
+            other.simulation(other.trial_files[k]) == study.simulation(study.trial_files[k])
             for k in files
         )
     assert len(other.chunks) > len(study.chunks)

@@ -58,3 +58,11 @@ def test_a_run_without_the_article_says_so(config):
     ]
     assert describe_article(part).endswith("because run leaves out studies of article: load.")
     assert part.article_names == []
+
+
+def test_braces_in_the_name_of_a_file_are_named(recorded, tmp_path):
+    (tmp_path / "S{1}.csv").touch()
+    with pytest.raises(
+        ConfigError, match=r"the recording A1: Snakemake takes the braces of .*S\{1\}.csv"
+    ):
+        recorded(str(tmp_path), A1="S{1}.csv")

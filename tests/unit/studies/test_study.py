@@ -5,11 +5,6 @@ from pathlib import Path
 import pytest
 
 from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.resources import (
-    identification_seconds,
-    requested_minutes,
-    simulation_seconds,
-)
 from ankleloop.studies.study import read_studies
 
 
@@ -36,13 +31,11 @@ def test_trials_with_other_variables_are_in_another_file(table1):
     points = [{"variation": kind} for kind in (None, "cycle", "time", "schedule")] + [
         {"movement": 0.1}
     ]
-    study = table1(points=points, job_minutes=1000.0)
-    conditions = [[part.condition for part in chunk] for chunk in study.trial_chunks]
+    study = table1(points=points)
+    conditions = [[part.condition for part in chunk] for chunk in study.trial_files]
     assert conditions == [[point.condition] for point in study.point_list]
-    alike = table1(
-        points={"variation": ["cycle"], "stiffness_variation": [0.0, 0.4]}, job_minutes=1000.0
-    )
-    assert len(alike.trial_chunks) == 1
+    alike = table1(points={"variation": ["cycle"], "stiffness_variation": [0.0, 0.4]})
+    assert len(alike.trial_files) == 1
 
 
 def chunk_points(study):
@@ -56,8 +49,8 @@ def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
     ranges = [[(part.first, part.stop) for part in chunk] for chunk in study.chunks]
     assert ranges == [[(0, 3)], [(3, 6)], [(6, 7)]] * 2
     assert chunk_points(study) == [["1.0"]] * 3 + [["2.0"]] * 3
-    assert study.trial_chunks == study.chunks
-    assert [study.trial_chunk_numbers[chunk] for chunk in range(6)] == list(range(6))
+    assert study.trial_files == study.chunks
+    assert [study.file_numbers[chunk] for chunk in range(6)] == list(range(6))
 
 
 def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
@@ -67,27 +60,10 @@ def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
         for rate in (1000.0, 500.0)
     ]
     points = [*points, {"duration": 20.0, "recording_rate": 500.0, "zeta": 0.5}]
-    study = table1(points=points, job_minutes=1000.0)
+    study = table1(points=points)
     assert [len(chunk) for chunk in study.chunks] == [1, 1, 1, 2]
-    assert [
-        len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="estimates").chunks
-    ] == [1, 1, 1, 2]
-    assert [
-        len(chunk) for chunk in table1(points=points, job_minutes=1000.0, keep="scores").chunks
-    ] == [5]
-
-
-@pytest.mark.parametrize(
-    "methods", [None, [], [{"method": "riv"}]], ids=["simulated", "prepared", "identified"]
-)
-def test_longer_trials_take_longer(methods):
-    """A cost has a part that any trial takes, and one that grows with its samples."""
-    short, long, longer = (
-        simulation_seconds(samples) if methods is None else identification_seconds(samples, methods)
-        for samples in (1_000, 50_000, 100_000)
-    )
-    assert 0.0 < short < long < longer < 2.0 * long
-    assert requested_minutes(long + 3600.0, 1) > requested_minutes(long, 1) + 60
+    assert [len(chunk) for chunk in table1(points=points, keep="estimates").chunks] == [1, 1, 1, 2]
+    assert [len(chunk) for chunk in table1(points=points, keep="scores", trials=20).chunks] == [5]
 
 
 # --- recordings

@@ -1,0 +1,141 @@
+"""Means over trials with their intervals, and what came of the trials: how many a mean leaves out, or warn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+
+from ankleloop.signals.vaf import confidence_margin
+
+KEYS = ["point", "method", "trial"]  # of an estimate
+COUNTS = ["trials", "failures", "warnings", "without G"]  # columns of every table of means
+STATISTICS = {
+    "mean": "mean",
+    "sd": "std",
+    "n": "count",
+}  # of a quantity, by the functions of pandas
+
+
+def means(
+    table: pd.DataFrame,
+    by: Sequence[str],
+    quantities: Sequence[str],
+    quantiles: Mapping[str, float] | None = None,
+) -> pd.DataFrame:
+    """Means of quantities over the trials of each group, and what they leave out.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Trials: a row for each point, method and trial.
+    by : sequence of str
+        Columns whose values make a group; groups stand in the order of their first appearance.
+    quantities : sequence of str
+        Columns of numbers; of one that the table does not have no trial has a value.
+    quantiles : mapping of str to float, optional
+        Shares of the trials by the name of a column.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each group and `quantity`: `mean`, `sd`, `n` (trials with a value), `margin` (half of the 95 %
+        interval of the mean), the quantiles, and `COUNTS`.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"point": "p", "method": "riv", "trial": [0, 1], "K": [149.0, 151.0]})
+    >>> means(trials, ["point", "method"], ["K"])[["quantity", "mean", "n", "trials", "failures"]].values.tolist()
+    [['K', 150.0, 2, 2, 0]]
+    """
+    rows = measure_statistics(table, by, quantities, quantiles)
+    return rows.merge(count_outcomes(table, by), how="left", on=list(by))
+
+
+def measure_statistics(
+    table: pd.DataFrame,
+    by: Sequence[str],
+    quantities: Sequence[str],
+    quantiles: Mapping[str, float] | None = None,
+) -> pd.DataFrame:
+    """Mean, standard deviation, number, margin and quantiles of each quantity in each group, as `means` has them."""
+    numbers = table[list(by)].assign(**{name: table.get(name) for name in quantities})
+    numbers = numbers.astype(dict.fromkeys(quantities, float))
+    groups = numbers.groupby(list(by), sort=False, dropna=False, observed=True)[list(quantities)]
+    parts = {name: getattr(groups, function)() for name, function in STATISTICS.items()}
+    parts |= {name: groups.quantile(share) for name, share in (quantiles or {}).items()}
+    rows = pd.concat(parts, axis="columns").stack(level=1, future_stack=True)
+    rows = rows.rename_axis([*by, "quantity"]).reset_index().astype({"n": int})
+    rows.insert(len(by) + 4, "margin", confidence_margin(rows["sd"], rows["n"]))
+    return rows
+
+
+def count_outcomes(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Count the trials that a mean is over, those that it leaves out, and those with a warning, which it counts.
+
+    A trial that several methods identify is one trial: it failed where one of them failed.
+    """
+    keys = list(dict.fromkeys([*by, "point", "trial"]))
+    faults = table[keys].assign(**list_faults(table))
+    gains = table["G"] if "G" in table else pd.Series(0.0, table.index)
+    faults["without G"] = gains.isna() & ~faults["failures"]
+    groups = {"sort": False, "dropna": False, "observed": True}
+    trials = faults.groupby(keys, **groups).any().reset_index().assign(trials=1)
+    return trials.groupby(list(by), **groups)[COUNTS].sum().reset_index()
+
+
+def list_faults(table: pd.DataFrame) -> pd.DataFrame:
+    """Whether each identification failed, and whether its estimate came with a warning; such an estimate counts."""
+    if "failed" in table:  # of rows that are made of those of other tables
+        return table[["failed", "warned"]].set_axis(["failures", "warnings"], axis="columns")
+    texts = table.reindex(columns=["failure", "warnings"])
+    failed = texts["failure"].notna()
+    warned = texts["warnings"].notna() & (texts["warnings"] != "") & ~failed
+    return pd.DataFrame({"failures": failed, "warnings": warned})
+
+
+def mark_faults(rows: pd.DataFrame) -> pd.Series:
+    """Whether trials of a mean failed or came with a warning, for marks in figures."""
+    return rows[["failures", "warnings"]].gt(0).any(axis=1)
+
+
+def widen(rows: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Means with a row for each group, and columns NAME_mean, NAME_std, NAME_count of each quantity."""
+    keys = list(by)
+    groups = rows.drop_duplicates(keys)[[*keys, *COUNTS]].reset_index(drop=True)
+    numbers = {
+        f"{name}_{function}": rows.loc[rows["quantity"] == name, column].to_numpy()
+        for name in rows["quantity"].unique()
+        for column, function in STATISTICS.items()
+    }
+    return pd.concat([groups[keys], pd.DataFrame(numbers), groups[COUNTS]], axis="columns")
+
+
+def mean_scores(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Means of each VAF over trials, a row for each torque and what it is scored against."""
+    rows = means(table, by, [name for name in table if name.startswith("vaf_")])
+    words = rows["quantity"].str.split("_", expand=True)
+    rows = rows.assign(torque=words[1], against=words[2])
+    return rows[[*by, "torque", "against", *STATISTICS, "margin", *COUNTS]]
+
+
+def curve_means(
+    table: pd.DataFrame, columns: Mapping[str, str], by: Sequence[str] = ()
+) -> pd.DataFrame:
+    """Means as figures take them: a panel for each of some columns, over `x`, for each `series` of a table of trials.
+
+    `columns` are the quantities by panel, `by` further columns that make groups.
+    """
+    keys = [*by, "series", "x"]
+    parts = [means(table, keys, [column]).assign(panel=panel) for panel, column in columns.items()]
+    rows = pd.concat(parts, ignore_index=True)
+    order = {name: number for number, name in enumerate(dict.fromkeys(table["series"]))}
+    shown = rows[[*by, "panel", "series", "x"]].assign(
+        value=rows["mean"],
+        low=rows["mean"] - rows["margin"],
+        high=rows["mean"] + rows["margin"],
+        trials=rows["n"],
+        marked=mark_faults(rows),
+        failed=rows["failures"] == rows["trials"],
+    )
+    return shown.sort_values(["series", "x"], key=lambda column: column.replace(order))
