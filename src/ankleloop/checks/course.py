@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ankleloop.checks.channels import Finding
+from ankleloop.checks.findings import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.time_varying_course import Course
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ankleloop.checks.channels import CHANNEL_CHECKS, Finding
+from ankleloop.checks.channels import CHANNEL_CHECKS
+from ankleloop.checks.findings import Finding
 from ankleloop.checks.movement import (
     CERTAIN,
     COPY,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ankleloop.checks.channels import Finding
+from ankleloop.checks.findings import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.decimation import PASSBAND

@@ -8,7 +8,8 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ankleloop.checks.channels import CHANNEL_UNITS, Finding
+from ankleloop.checks.channels import CHANNEL_UNITS
+from ankleloop.checks.findings import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import MOTION, Grid, Regressors

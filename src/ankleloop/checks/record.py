@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from ankleloop.checks.channels import Finding
+from ankleloop.checks.findings import Finding
 from ankleloop.joint.regressors import Regressors
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import coherence, segment_spectra

@@ -8,7 +8,7 @@ from math import sqrt
 
 import numpy as np
 
-from ankleloop.checks.channels import Finding, merge_findings
+from ankleloop.checks.findings import Finding, merge_findings
 from ankleloop.checks.movement import check_reference, motion_products, regress_torque
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once

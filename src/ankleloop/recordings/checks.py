@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ankleloop.checks.channels import VERDICTS, Finding, merge_findings
 from ankleloop.checks.data import check_signals, refuse_repeated_trials
+from ankleloop.checks.findings import VERDICTS, Finding, merge_findings
 from ankleloop.checks.loop import check_loop, path_bias
 from ankleloop.checks.movement import (
     check_excitation,
