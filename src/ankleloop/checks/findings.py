@@ -27,15 +27,16 @@ class Finding:
     text: str
 
 
+def name_trial(number: int, trials: int) -> str:
+    """Which of several trials a text is about, in front of it; nothing where there is one."""
+    return f"trial {number} of {trials}: " if trials > 1 else ""
+
+
 def merge_findings(findings: Sequence[Finding]) -> Finding:
     """The worst finding about one property of several trials, with the number of its trial."""
     trials = len(findings)
-    verdicts = [VERDICTS.index(finding.verdict) for finding in findings]
-    number = verdicts.index(max(verdicts))
-    worst = findings[number]
-    if trials == 1:
-        return worst
-    place = f"trial {number + 1} of {trials}"
-    if worst.verdict == "ok":
-        place = f"all {trials} trials pass; the first"
-    return replace(worst, text=f"{place}: {worst.text}")
+    worst = max(findings, key=lambda finding: VERDICTS.index(finding.verdict))
+    place = name_trial(findings.index(worst) + 1, trials)
+    if trials > 1 and worst.verdict == "ok":
+        place = f"all {trials} trials pass; the first: "
+    return replace(worst, text=f"{place}{worst.text}")

@@ -8,19 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from ankleloop.checks.data import check_signals, refuse_repeated_trials
-from ankleloop.checks.findings import VERDICTS, Finding, merge_findings
+from ankleloop.checks.data import (
+    check_signals,
+    rectifier_regressors,
+    refuse_repeated_trials,
+)
+from ankleloop.checks.findings import VERDICTS, Finding, merge_findings, name_trial
 from ankleloop.checks.loop import check_loop, path_bias
 from ankleloop.checks.movement import (
     check_excitation,
     check_sign,
-    check_signs_by_reference,
     motion_products,
+    regress_torque_by_reference,
+    turned_signs,
 )
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
 from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import prepare
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import KnownDelayOptions, Trial
 from ankleloop.options import option, show_fields
 from ankleloop.recordings.validity import describe_validity, valid_methods
@@ -118,61 +124,65 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     ('ok', 'closed', True)
     """
     values = CheckOptions.parse("check_trial", **options)
-    reference, delay, rate = values.reference, values.delay, values.identification_rate
     parts: Any = trial if isinstance(trial, (list, tuple)) else [trial]
     if not parts:
         raise DataError("there are no trials to check.")
-    prepared = [prepare(part) for part in parts]
-    refuse_repeated_trials(prepared)
-    length = check_length([part.trial for part in prepared], rate)
+    trials = [prepare(part) for part in parts]
+    refuse_repeated_trials(trials)
+    length = check_length([part.trial for part in trials], values.identification_rate)
     if length.verdict == "refused":
         return Check([length], "undecided", {})
-    name = (
-        reference
-        if reference != "position" and all(reference in part.trial for part in prepared)
-        else None
-    )
-    records = []
     try:
-        for part in prepared:
-            records.append(
-                part.regressors(
-                    delay=delay, basis="rectifier", identification_rate=rate, reference=name
-                )
-            )
+        records = _make_records(trials, values)
     except DataError as error:
-        place = f"trial {len(records) + 1} of {len(prepared)}: " if len(prepared) > 1 else ""
-        return Check([length, Finding("signals", "refused", f"{place}{error}")], "undecided", {})
+        return Check([length, Finding("signals", "refused", str(error))], "undecided", {})
+    grids = [record.grid for record in records]
     signals = [
-        check_signals(part, record.grid, delay)
-        for part, record in zip(prepared, records, strict=True)
+        check_signals(part, grid, values.delay) for part, grid in zip(trials, grids, strict=True)
     ]
-    usable, strength = check_instrument(prepared, records, delay)
+    usable, strength = check_instrument(trials, records, values.delay)
     loop, feedback = check_loop(records, usable)
-    motions = (
-        motion_products(part, record.grid) for part, record in zip(prepared, records, strict=True)
-    )
-    signs = [check_sign(motion.stiffness, motion.explained) for motion in motions]
     if usable and loop != "open":  # least squares may be off by torque that is fed back
-        signs = check_signs_by_reference(records)
+        fits = regress_torque_by_reference(records)
+    else:
+        motions = [motion_products(part, grid) for part, grid in zip(trials, grids, strict=True)]
+        fits = [(motion.stiffness, motion.explained) for motion in motions]
+    signs = [
+        check_sign(stiffness, explained, turned_signs(part.trial)["torque_sign"])
+        for part, (stiffness, explained) in zip(trials, fits, strict=True)
+    ]
     sign = merge_findings(signs)
+    velocities = [record.inputs[:, 1] for record in records]
     findings = [
         length,
         *map(merge_findings, zip(*signals, strict=True)),
         sign,
         merge_findings([check_coherence(record) for record in records]),
-        check_excitation(
-            [record.inputs[:, 1] for record in records], values.order, values.block_rows
-        ),
+        check_excitation(velocities, values.order, values.block_rows),
         merge_findings([check_drift(record) for record in records]),
         strength,
     ]
     spectra = estimate_spectra(records)
     if sign.verdict == "refused":  # loop and methods rest on it
         return Check(findings, "undecided", {}, spectra, usable)
-    bias, merged = path_bias(records), len(records) > 1
+    bias = path_bias(records)
+    merged = len(records) > 1
     validity = describe_validity(loop, usable, bias, merged=merged)
     findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
-    return Check(
-        findings, loop, valid_methods(loop, usable, bias, merged=merged), spectra, usable, bias
-    )
+    methods = valid_methods(loop, usable, bias, merged=merged)
+    return Check(findings, loop, methods, spectra, usable, bias)
+
+
+def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> list[Regressors]:
+    """Regressors of all trials, with the reference if all have it; an error has the number of its trial."""
+    name: str | None = options.reference
+    if name == "position" or not all(name in trial.trial for trial in trials):
+        name = None
+    records = []
+    for number, trial in enumerate(trials, 1):
+        try:
+            record = rectifier_regressors(trial, options.delay, options.identification_rate, name)
+        except DataError as error:
+            raise DataError(f"{name_trial(number, len(trials))}{error}") from None
+        records.append(record)
+    return records
