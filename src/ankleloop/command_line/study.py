@@ -20,7 +20,7 @@ from ankleloop.command_line.reading import (
     name_recordings,
     reading_options,
 )
-from ankleloop.command_line.terminal import echo, refuse_existing, show_next
+from ankleloop.command_line.terminal import echo, find_options, refuse_existing, show_next
 from ankleloop.options import suggest_name
 
 ALWAYS = {"position", "torque", "reference", "position_unit", "sampling_rate", "torque_sign"}
@@ -107,7 +107,8 @@ def _describe_recordings(
     for name, file in name_recordings(files).items():
         recording = map_file(file, **values)
         _, check = check_file(file, recording)
-        if values.get("torque_sign") is None and "torque_sign: -1" in " ".join(check.reasons):
+        asked = find_options(" ".join(check.reasons))
+        if values.get("torque_sign") is None and "--torque-sign" in asked:
             recording = recording.model_copy(update={"torque_sign": -1})
             remarks.append(
                 f"{name}: torque_sign is -1: as the file has it, the torque does not oppose stretch."
