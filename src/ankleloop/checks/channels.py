@@ -79,11 +79,11 @@ def _find_runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def check_rest(trial: PreparedTrial, name: str) -> Finding:
     """A channel that keeps one value for a second while another one moves, or together with all others for long."""
     rests = _find_dead_rests(trial, name)
-    if not rests:
+    if not len(rests):
         text = f"the {name} does not stand still for {SHORTEST_REST:g} s."
         return Finding(f"rest of the {name}", "ok", text)
     time = trial.samples["time"]
-    samples = sum(stop - start for start, stop in rests)
+    samples = np.sum(np.diff(rests))
     share = 100.0 * samples / time.size
     start, stop = rests[0]
     text = (
@@ -94,26 +94,29 @@ def check_rest(trial: PreparedTrial, name: str) -> Finding:
     return Finding(f"rest of the {name}", "refused", text)
 
 
-def _find_dead_rests(trial: PreparedTrial, name: str) -> list[tuple[int, int]]:
-    """First sample of each rest during which the joint moves, or that is too long, and the sample after it."""
+def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
+    """First sample of each rest during which the joint moves, or that is too long, and the sample after it.
+
+    Shapes: returns (rests, 2).
+    """
     x = trial.samples[name]
     repeats = np.flatnonzero(x[1:] == x[:-1])
     if not repeats.size:
-        return []
+        return np.empty((0, 2), dtype=int)
     starts, lengths = _find_runs(repeats)
-    is_long = lengths >= SHORTEST_REST * trial.rate - 1
-    stops = starts + lengths + 1
-    rests = list(zip(starts[is_long].tolist(), stops[is_long].tolist(), strict=True))
+    runs = np.stack([starts, starts + lengths + 1], axis=1)
+    rests = runs[lengths >= SHORTEST_REST * trial.rate - 1]
     witness = "reference" if "reference" in trial.trial else "torque"
     if name == "torque":
         witness = "position"
     other = trial.samples[witness]
     moved = MOVEMENT_SHARES[witness] * np.ptp(other)
-    dead = [rest for rest in rests if np.ptp(other[slice(*rest)]) > moved]
-    common = [rest for rest in rests if rest[1] - rest[0] >= LONG_REST * trial.rate]
-    if sum(stop - start for start, stop in common) > LONG_REST_SHARE * x.size:
-        return sorted({*dead, *common})
-    return dead
+    is_dead = np.array([np.ptp(other[slice(*rest)]) > moved for rest in rests], dtype=bool)
+    durations = np.diff(rests)[:, 0]
+    is_common = durations >= LONG_REST * trial.rate
+    if np.sum(durations[is_common]) > LONG_REST_SHARE * x.size:
+        is_dead |= is_common
+    return rests[is_dead]
 
 
 def check_gaps(trial: PreparedTrial, name: str) -> Finding:

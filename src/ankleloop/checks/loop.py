@@ -166,10 +166,10 @@ def _test_coherence(
     highest = min(HIGHEST_FREQUENCY, PASSBAND * rate)
     inside = np.flatnonzero((frequency >= LOWEST_FREQUENCY) & (frequency <= highest))
     bins = inside[::BINS_APART]
-    position = _transform(projection.residuals, 0, length)[:, bins]
-    torque = _transform(projection.residuals, MOTION, length)[:, bins]
-    explained_position = _transform(projection.signals, 0, length)[:, bins] - position
-    explained_torque = _transform(projection.signals, MOTION, length)[:, bins] - torque
+    position, torque = _transform(projection.residuals, length, bins)
+    whole_position, whole_torque = _transform(projection.signals, length, bins)
+    explained_position = whole_position - position
+    explained_torque = whole_torque - torque
     tiny = np.finfo(float).tiny
     power = np.sum(np.abs(position) ** 2, axis=0)
     explained_power = np.maximum(np.sum(np.abs(explained_position) ** 2, axis=0), tiny)
@@ -188,10 +188,16 @@ def _test_coherence(
     return p_value, float(squared.mean()), work
 
 
-def _transform(records: Sequence[np.ndarray], channel: int, length: int) -> np.ndarray:
-    """Spectra of the segments of a channel of all records, shape (segments, length // 2 + 1)."""
-    signals = [record[:, channel] for record in records if len(record) >= length]
-    return np.concatenate([segment_spectra(signal, length, length) for signal in signals])
+def _transform(
+    records: Sequence[np.ndarray], length: int, bins: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Spectra of position and torque in segments of all records, shapes (segments, bins)."""
+    long_enough = [record for record in records if len(record) >= length]
+    position, torque = (
+        np.concatenate([segment_spectra(x[:, channel], length, length) for x in long_enough])
+        for channel in (0, MOTION)
+    )
+    return position[:, bins], torque[:, bins]
 
 
 def _bound_bias(projection: ReferenceProjection, length: int) -> tuple[float, float]:

@@ -136,22 +136,13 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         records = _make_records(trials, values)
     except DataError as error:
         return Check([length, Finding("signals", "refused", str(error))], "undecided", {})
-    grids = [record.grid for record in records]
     signals = [
-        check_signals(part, grid, values.delay) for part, grid in zip(trials, grids, strict=True)
+        check_signals(part, record.grid, values.delay)
+        for part, record in zip(trials, records, strict=True)
     ]
     usable, strength = check_instrument(trials, records, values.delay)
     loop, feedback = check_loop(records, usable)
-    if usable and loop != "open":  # least squares may be off by torque that is fed back
-        fits = regress_torque_by_reference(records)
-    else:
-        motions = [motion_products(part, grid) for part, grid in zip(trials, grids, strict=True)]
-        fits = [(motion.stiffness, motion.explained) for motion in motions]
-    signs = [
-        check_sign(stiffness, explained, turned_signs(part.trial)["torque_sign"])
-        for part, (stiffness, explained) in zip(trials, fits, strict=True)
-    ]
-    sign = merge_findings(signs)
+    sign = _check_sign(trials, records, by_reference=usable and loop != "open")
     velocities = [record.inputs[:, 1] for record in records]
     findings = [
         length,
@@ -186,3 +177,20 @@ def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> lis
             raise DataError(f"{name_trial(number, len(trials))}{error}") from None
         records.append(record)
     return records
+
+
+def _check_sign(
+    trials: Sequence[PreparedTrial], records: Sequence[Regressors], *, by_reference: bool
+) -> Finding:
+    """Sign of the torque; by the reference where least squares may be off by torque that is fed back."""
+    if by_reference:
+        fits = regress_torque_by_reference(records)
+    else:
+        pairs = zip(trials, records, strict=True)
+        motions = [motion_products(trial, record.grid) for trial, record in pairs]
+        fits = [(motion.stiffness, motion.explained) for motion in motions]
+    signs = [
+        check_sign(stiffness, explained, turned_signs(trial.trial)["torque_sign"])
+        for trial, (stiffness, explained) in zip(trials, fits, strict=True)
+    ]
+    return merge_findings(signs)
