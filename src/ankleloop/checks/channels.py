@@ -55,6 +55,8 @@ def check_clipping(trial: PreparedTrial, name: str) -> Finding:
 def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
     """Samples at an end of the range and the first one of their longest run, where the channel is clipped; or zeros."""
     at_end = np.flatnonzero(x == end)
+    if at_end.size < CLIPPED_RUN:
+        return 0, 0
     starts, lengths = _find_runs(at_end)
     longest = int(np.argmax(lengths))
     if lengths[longest] < CLIPPED_RUN:

@@ -19,6 +19,7 @@ from ankleloop.checks.movement import (
     check_size,
     check_velocity,
     motion_products,
+    project_records,
     reference_correlations,
     regress_torque_by_reference,
     turned_signs,
@@ -85,7 +86,7 @@ def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str
         # Least squares may be off by fed-back torque; what the reference explains is not.
         record = rectifier_regressors(trial, delay, rate, reference)
         if check_reference([record]).verdict == "ok":
-            ((stiffness, explained),) = regress_torque_by_reference([record])
+            ((stiffness, explained),) = regress_torque_by_reference(project_records([record]))
             sign = check_sign(stiffness, explained, turned_sign)
     return [finding for finding in (*findings, sign) if finding.verdict != "ok"]
 

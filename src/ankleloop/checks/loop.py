@@ -55,7 +55,9 @@ class FeedbackTest:
         return self.duration * (2.0 * self.margin / LARGEST_BIAS) ** 2
 
 
-def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
+def feedback_test(
+    records: Sequence[Regressors], projection: ReferenceProjection | None = None
+) -> FeedbackTest:
     r"""Test whether torque that the reference does not explain moves the joint, and how much that matters for K.
 
     **Detection.** The response to leads and lags of the reference is removed from position and torque, which leaves e_P
@@ -104,6 +106,8 @@ def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
     records : sequence of Regressors
         Records of one joint at one identification rate, with reference and rectified velocity (basis "rectifier"); a
         stretch is opposed by a positive torque. Several records are tested together.
+    projection : ReferenceProjection, optional
+        That of the records (`ankleloop.checks.movement.project_records`), where it has been computed already.
 
     Returns
     -------
@@ -128,7 +132,7 @@ def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
     ['closed', 'open']
     """
     rate = records[0].rate
-    projection = project_records(records)
+    projection = projection or project_records(records)
     length = round(SEGMENT_DURATION * rate)
     segments = sum(len(part) // length for part in projection.signals)
     if segments < FEWEST_SEGMENTS:
@@ -251,16 +255,18 @@ def fit_stiffness(records: Sequence[Regressors], *, with_reflex: bool = True) ->
     return float(values[0])
 
 
-def check_loop(records: Sequence[Regressors], usable: bool) -> tuple[str, Finding]:
-    """Whether torque feeds back on the position; undecided unless the reference is usable."""
-    if not usable:
+def check_loop(
+    records: Sequence[Regressors], projection: ReferenceProjection | None
+) -> tuple[str, Finding]:
+    """Whether torque feeds back on the position; undecided without a projection on a usable reference."""
+    if projection is None:
         text = (
             "undecided: this cannot be told without a usable reference. Methods for open loop hold only if it is "
             "open."
         )
         return "undecided", Finding("loop", "warning", text)
     try:
-        test = feedback_test(records)
+        test = feedback_test(records, projection)
     except DataError as error:
         return "undecided", Finding("loop", "warning", f"undecided: {error}")
     verdict = "warning" if test.loop == "undecided" else "ok"

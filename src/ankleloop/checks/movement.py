@@ -109,12 +109,11 @@ def project_records(records: Sequence[Regressors]) -> ReferenceProjection:
     return project_on_reference(select_references(records), channels, records[0].rate)
 
 
-def regress_torque_by_reference(records: Sequence[Regressors]) -> list[tuple[np.ndarray, float]]:
-    """K, B and I of each record by two-stage least squares, which fed-back torque does not bias.
+def regress_torque_by_reference(projection: ReferenceProjection) -> list[tuple[np.ndarray, float]]:
+    """K, B and I of each projected record by two-stage least squares, which fed-back torque does not bias.
 
     Shapes: returns coefficients (3,), and the share of the torque's variance that they explain.
     """
-    projection = project_records(records)
     fits = []
     for signals, residuals in zip(projection.signals, projection.residuals, strict=True):
         torque = signals[:, MOTION]

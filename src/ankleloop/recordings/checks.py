@@ -19,6 +19,7 @@ from ankleloop.checks.movement import (
     check_excitation,
     check_sign,
     motion_products,
+    project_records,
     regress_torque_by_reference,
     turned_signs,
 )
@@ -30,6 +31,7 @@ from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import KnownDelayOptions, Trial
 from ankleloop.options import option, show_fields
 from ankleloop.recordings.validity import describe_validity, valid_methods
+from ankleloop.signals.responses import ReferenceProjection
 
 
 @dataclass(frozen=True)
@@ -141,8 +143,9 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         for part, record in zip(trials, records, strict=True)
     ]
     usable, strength = check_instrument(trials, records, values.delay)
-    loop, feedback = check_loop(records, usable)
-    sign = _check_sign(trials, records, by_reference=usable and loop != "open")
+    projection = project_records(records) if usable else None
+    loop, feedback = check_loop(records, projection)
+    sign = _check_sign(trials, records, projection if loop != "open" else None)
     velocities = [record.inputs[:, 1] for record in records]
     findings = [
         length,
@@ -180,11 +183,13 @@ def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> lis
 
 
 def _check_sign(
-    trials: Sequence[PreparedTrial], records: Sequence[Regressors], *, by_reference: bool
+    trials: Sequence[PreparedTrial],
+    records: Sequence[Regressors],
+    projection: ReferenceProjection | None,
 ) -> Finding:
-    """Sign of the torque; by the reference where least squares may be off by torque that is fed back."""
-    if by_reference:
-        fits = regress_torque_by_reference(records)
+    """Sign of the torque; by what the reference explains where least squares may be off by torque that is fed back."""
+    if projection is not None:
+        fits = regress_torque_by_reference(projection)
     else:
         pairs = zip(trials, records, strict=True)
         motions = [motion_products(trial, record.grid) for trial, record in pairs]
