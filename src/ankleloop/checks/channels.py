@@ -72,10 +72,9 @@ def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
 
 
 def _find_runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First sample and length of each run of consecutive samples, of which there is one at least."""
-    breaks = np.flatnonzero(np.diff(samples) != 1) + 1
-    edges = np.concatenate(([0], breaks, [samples.size]))
-    return samples[edges[:-1]], np.diff(edges)
+    """First sample and length of each run of consecutive samples."""
+    starts = np.flatnonzero(np.diff(samples, prepend=-2) != 1)
+    return samples[starts], np.diff(starts, append=samples.size)
 
 
 def check_rest(trial: PreparedTrial, name: str) -> Finding:
@@ -102,12 +101,11 @@ def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
     Shapes: returns (rests, 2).
     """
     x = trial.samples[name]
-    repeats = np.flatnonzero(x[1:] == x[:-1])
-    if not repeats.size:
-        return np.empty((0, 2), dtype=int)
-    starts, lengths = _find_runs(repeats)
+    starts, lengths = _find_runs(np.flatnonzero(x[1:] == x[:-1]))
     runs = np.stack([starts, starts + lengths + 1], axis=1)
     rests = runs[lengths >= SHORTEST_REST * trial.rate - 1]
+    if not rests.size:
+        return rests
     witness = "reference" if "reference" in trial.trial else "torque"
     if name == "torque":
         witness = "position"
