@@ -1,74 +1,36 @@
-"""Findings, and those about the recorded samples of a channel: clipping, stretches at rest, filled gaps, spikes.
+"""Findings about the recorded samples of a channel: clipping, stretches at rest, filled gaps, spikes.
 
 Each check costs a few passes over the samples at most, so that every identification can afford it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
+from ankleloop.checks.findings import Finding
 from ankleloop.joint.prepared import PreparedTrial
 
 CLIPPED_RUN = 5  # consecutive samples at the very end of the range
 CLIPPED_EXCESS = 5.0  # times as many samples there as at the next values
-MINOR = 1.0  # % of the samples: less clipping is only a warning of the recording check
-REST = 1.0  # s at exactly the same value: noise of a sensor moves any channel sooner
-LONG_REST, REST_SHARE = 2.0, 0.2  # s, and share of the record, where no other channel moves either
-MOVEMENT = {
-    "position": 0.5,
-    "torque": 0.1,
-    "reference": 0.1,
-}  # share of its range by which another channel moves
-GAP = 0.05  # s on an exactly straight line
-GAP_SHARE, LARGE_GAP_SHARE = 0.01, 0.05  # of the record, in such lines
-SLOPED = 1e-3  # of the usual slope
-ROUNDING = 8.0 * np.finfo(float).eps  # of the largest value
-SPIKE = 0.003  # s on either side
-PARTS = (
-    5,
-    10,
-)  # fewest and most parts of the record: a perturbation is in most of them, a spike is not
+NEXT_VALUES = 5
+MINOR_CLIPPING = 1.0  # % of the samples: less is only a warning of the recording check
+SHORTEST_REST = 1.0  # s at exactly the same value: noise of a sensor moves any channel sooner
+LONG_REST = 2.0  # s where no other channel moves either
+LONG_REST_SHARE = 0.2  # of the record, in such stretches
+# Share of its range by which the channel moves that shows a rest of another one. A position that stands still while the
+# torque moves may be a perturbation that pauses.
+MOVEMENT_SHARES = {"position": 0.5, "torque": 0.5, "reference": 0.1}
+SHORTEST_GAP = 0.05  # s on an exactly straight line
+GAP_SHARE = 0.01  # of the record, in such lines
+LARGE_GAP_SHARE = 0.05
+GAP_SLOPE = 1e-3  # of the usual slope: less is none
+GAP_ROUNDING = 8.0 * np.finfo(float).eps  # of the largest value
+SPIKE_REACH = 0.003  # s on either side
+# Fewest and most parts of the record: a perturbation is in most of them, a spike is not.
+SPIKE_PARTS = (5, 10)
 SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
 SPIKE_SIZE = 0.5  # standard deviations of the channel
-VERDICTS = ("ok", "warning", "refused")
 CHANNEL_UNITS = {"position": "rad", "torque": "N·m", "reference": "rad"}
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Result of one check.
-
-    Parameters
-    ----------
-    name : str
-        Property that was checked.
-    verdict : {"ok", "warning", "refused"}
-        Whether the recording passes.
-    text : str
-        Reason, with numbers and what to do.
-    """
-
-    name: str
-    verdict: str
-    text: str
-
-
-def merge_findings(findings: Sequence[Finding]) -> Finding:
-    """The worst finding about one property of several trials, with the number of its trial."""
-    verdicts = [VERDICTS.index(finding.verdict) for finding in findings]
-    number = int(np.argmax(verdicts))
-    worst = findings[number]
-    if len(findings) == 1:
-        return worst
-    place = (
-        f"trial {number + 1} of {len(findings)}"
-        if any(verdicts)
-        else f"all {len(findings)} trials pass; the first"
-    )
-    return Finding(worst.name, worst.verdict, f"{place}: {worst.text}")
 
 
 def check_clipping(trial: PreparedTrial, name: str) -> Finding:
@@ -77,72 +39,84 @@ def check_clipping(trial: PreparedTrial, name: str) -> Finding:
     It does if many samples are there, at least some of them in a row, compared to the next values.
     """
     x = trial.samples[name]
-    clipped = first = 0
-    for edge in (x.min(), x.max()):
-        at_edge = np.flatnonzero(x == edge)
-        if at_edge.size < max(CLIPPED_RUN, clipped + 1):
-            continue
-        starts, lengths = _runs(at_edge)
-        longest = int(np.argmax(lengths))
-        if lengths[longest] < CLIPPED_RUN:
-            continue
-        # As many samples again, the nearest to the end, have more than five other values if it is clipped.
-        count = min(2 * at_edge.size, x.size)
-        nearest = np.partition(np.abs(x - edge), count - 1)[:count]
-        counts = np.unique(nearest[nearest > 0], return_counts=True)[1][:5]
-        nearby = max(float(counts.mean()), 1.0) if counts.size else 1.0
-        if at_edge.size > CLIPPED_EXCESS * nearby:
-            clipped, first = at_edge.size, int(starts[longest])
+    ends = [_find_clipping(x, end) for end in (x.min(), x.max())]
+    clipped, first = max(ends, key=lambda end: end[0])
     if not clipped:
         return Finding(f"clipping of the {name}", "ok", "none.")
     share = 100.0 * clipped / x.size
+    verdict = "warning" if share < MINOR_CLIPPING else "refused"
     text = (
         f"{clipped} samples ({share:.3g} %) stand at the end of the range of the {name}, first at "
         f"{_place(trial, first)}: what lies beyond is lost, and K, B, I and G are off. Record again: widen the range."
     )
-    return Finding(f"clipping of the {name}", "warning" if share < MINOR else "refused", text)
+    return Finding(f"clipping of the {name}", verdict, text)
 
 
-def _runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
+    """Samples at an end of the range and the first one of their longest run, where the channel is clipped; or zeros."""
+    at_end = np.flatnonzero(x == end)
+    if at_end.size < CLIPPED_RUN:
+        return 0, 0
+    starts, lengths = _find_runs(at_end)
+    longest = int(np.argmax(lengths))
+    if lengths[longest] < CLIPPED_RUN:
+        return 0, 0
+    # As many samples again, the nearest to the end, have more than five other values if it is clipped.
+    count = min(2 * at_end.size, x.size)
+    nearest = np.partition(np.abs(x - end), count - 1)[:count]
+    counts = np.unique(nearest[nearest > 0], return_counts=True)[1][:NEXT_VALUES]
+    usual = max(float(np.sum(counts)) / max(counts.size, 1), 1.0)
+    if at_end.size <= CLIPPED_EXCESS * usual:
+        return 0, 0
+    return at_end.size, int(starts[longest])
+
+
+def _find_runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First sample and length of each run of consecutive samples."""
-    breaks = np.flatnonzero(np.diff(samples) != 1) + 1
-    edges = np.concatenate(([0], breaks, [samples.size]))
-    return samples[edges[:-1]], np.diff(edges)
+    starts = np.flatnonzero(np.diff(samples, prepend=-2) != 1)
+    return samples[starts], np.diff(starts, append=samples.size)
 
 
 def check_rest(trial: PreparedTrial, name: str) -> Finding:
     """A channel that keeps one value for a second while another one moves, or together with all others for long."""
-    x = trial.samples[name]
-    repeats = np.flatnonzero(x[1:] == x[:-1])
-    starts, lengths = _runs(repeats) if repeats.size else (repeats, repeats)
-    long = lengths >= REST * trial.rate - 1
-    rests = [
-        (int(start), int(start + length) + 1)
-        for start, length in zip(starts[long], lengths[long], strict=True)
-    ]
-    witness = (
-        "position" if name == "torque" else "reference" if "reference" in trial.trial else "torque"
-    )
-    other = trial.samples[witness]
-    # A position that stands still while the torque moves may be a perturbation that pauses.
-    share = MOVEMENT["position"] if (name, witness) == ("position", "torque") else MOVEMENT[witness]
-    dead = [rest for rest in rests if np.ptp(other[slice(*rest)]) > share * np.ptp(other)]
-    common = [rest for rest in rests if rest[1] - rest[0] >= LONG_REST * trial.rate]
-    if sum(stop - start for start, stop in common) > REST_SHARE * x.size:
-        dead = sorted({*dead, *common})
-    if not dead:
-        return Finding(
-            f"rest of the {name}", "ok", f"the {name} does not stand still for {REST:g} s."
-        )
-    samples = sum(stop - start for start, stop in dead)
-    start, stop = dead[0]
+    rests = _find_dead_rests(trial, name)
+    if not len(rests):
+        text = f"the {name} does not stand still for {SHORTEST_REST:g} s."
+        return Finding(f"rest of the {name}", "ok", text)
     time = trial.samples["time"]
+    samples = np.sum(np.diff(rests))
+    share = 100.0 * samples / time.size
+    start, stop = rests[0]
     text = (
-        f"{samples} samples ({100.0 * samples / x.size:.3g} %) of the {name} keep one value, first from {start} to "
+        f"{samples} samples ({share:.3g} %) of the {name} keep one value, first from {start} to "
         f"{stop - 1} ({time[start]:.6g} … {time[stop - 1]:.6g} s): the channel was dead or the record is padded there, "
         "and K, B, I and G mix that with the joint. Cut the record there (segment)."
     )
     return Finding(f"rest of the {name}", "refused", text)
+
+
+def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
+    """First sample of each rest during which the joint moves, or that is too long, and the sample after it.
+
+    Shapes: returns (rests, 2).
+    """
+    x = trial.samples[name]
+    starts, lengths = _find_runs(np.flatnonzero(x[1:] == x[:-1]))
+    runs = np.stack([starts, starts + lengths + 1], axis=1)
+    rests = runs[lengths >= SHORTEST_REST * trial.rate - 1]
+    if not rests.size:
+        return rests
+    witness = "reference" if "reference" in trial.trial else "torque"
+    if name == "torque":
+        witness = "position"
+    other = trial.samples[witness]
+    moved = MOVEMENT_SHARES[witness] * np.ptp(other)
+    is_dead = np.array([np.ptp(other[slice(*rest)]) > moved for rest in rests], dtype=bool)
+    durations = np.diff(rests)[:, 0]
+    is_common = durations >= LONG_REST * trial.rate
+    if np.sum(durations[is_common]) > LONG_REST_SHARE * x.size:
+        is_dead |= is_common
+    return rests[is_dead]
 
 
 def check_gaps(trial: PreparedTrial, name: str) -> Finding:
@@ -152,28 +126,39 @@ def check_gaps(trial: PreparedTrial, name: str) -> Finding:
     second are a matter of `check_rest`.
     """
     x = trial.samples[name]
-    slopes = np.diff(x)
-    bends = np.abs(np.diff(slopes))
-    largest = ROUNDING * float(np.abs(x).max())
-    straight = np.flatnonzero(bends <= largest)
-    if straight.size < GAP_SHARE * x.size:
-        return Finding(f"gaps of the {name}", "ok", "none was filled.")
-    starts, lengths = _runs(straight)
-    heights, usual = np.abs(slopes), float(np.sqrt(np.mean(slopes**2)))
-    step = float(heights[heights > largest].min(initial=np.inf))  # of a converter
-    begins = np.append(np.inf, bends)[starts] > SLOPED * usual
-    ends = np.append(bends, 0.0)[starts + lengths] > max(usual, 2.5 * step)
-    held = ends & (lengths < REST * trial.rate - 1)
-    filled = (lengths >= GAP * trial.rate) & begins & ((heights[starts] > SLOPED * usual) | held)
-    share = float(np.sum(lengths[filled] + 2)) / x.size
+    starts, lengths = _find_filled_gaps(x, trial.rate)
+    share = float(np.sum(lengths + 2)) / x.size
     if share < GAP_SHARE:
         return Finding(f"gaps of the {name}", "ok", "none was filled.")
+    verdict = "warning" if share < LARGE_GAP_SHARE else "refused"
     text = (
-        f"{np.count_nonzero(filled)} stretches of the {name} ({100 * share:.2g} % of the record) are exactly straight, "
-        f"the first from {_place(trial, int(starts[filled][0]))}: gaps were filled by the last value or a line, "
+        f"{starts.size} stretches of the {name} ({100 * share:.2g} % of the record) are exactly straight, "
+        f"the first from {_place(trial, int(starts[0]))}: gaps were filled by the last value or a line, "
         "and K, B, I and G mix that with the joint. Cut the record there (segment)."
     )
-    return Finding(f"gaps of the {name}", "warning" if share < LARGE_GAP_SHARE else "refused", text)
+    return Finding(f"gaps of the {name}", verdict, text)
+
+
+def _find_filled_gaps(x: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """First sample and number of bends of each straight stretch that fills a gap."""
+    slopes = np.diff(x)
+    bends = np.abs(np.diff(slopes))
+    largest_rounding = GAP_ROUNDING * float(np.abs(x).max())
+    straight = np.flatnonzero(bends <= largest_rounding)
+    if straight.size < GAP_SHARE * x.size:
+        return straight[:0], straight[:0]
+    starts, lengths = _find_runs(straight)
+    heights = np.abs(slopes)
+    usual = float(np.sqrt(np.mean(slopes**2)))
+    converter_step = float(heights[heights > largest_rounding].min(initial=np.inf))
+    bends_before = np.append(np.inf, bends)[starts]
+    bends_after = np.append(bends, 0.0)[starts + lengths]
+    begins = bends_before > GAP_SLOPE * usual
+    ends = bends_after > max(usual, 2.5 * converter_step)
+    is_line = heights[starts] > GAP_SLOPE * usual
+    is_held = ends & (lengths < SHORTEST_REST * rate - 1)
+    filled = (lengths >= SHORTEST_GAP * rate) & begins & (is_line | is_held)
+    return starts[filled], lengths[filled]
 
 
 def check_spikes(trial: PreparedTrial, name: str) -> Finding:
@@ -182,26 +167,23 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     The height of a peak is the geometric mean of the two changes from 3 ms before it and to 3 ms after it; it is
     compared with the median of the largest peaks of ten parts of the record.
     """
-    x, ok = (
-        trial.samples[name],
-        Finding(f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE:g} ms stands out."),
-    )
-    reach = max(1, round(SPIKE * trial.rate))
+    x = trial.samples[name]
+    reach = max(1, round(SPIKE_REACH * trial.rate))
     here = x[reach:-reach]
     products = (here - x[: -2 * reach]) * (here - x[2 * reach :])  # positive at a peak
-    parts = min(max(int(x.size / trial.rate), PARTS[0]), PARTS[1])
-    peaks = np.array([part.max(initial=0.0) for part in np.array_split(products, parts)])
-    largest = float(peaks.max())
-    usual = float(np.median(peaks[peaks > 0.0])) if largest > 0.0 else 0.0
-    height = np.sqrt(largest)
-    if not largest > SPIKE_EXCESS**2 * usual or not height > SPIKE_SIZE * float(np.std(x)):
-        return ok
+    fewest, most = SPIKE_PARTS
+    count = min(max(int(x.size / trial.rate), fewest), most)
+    peaks = np.array([part.max(initial=0.0) for part in np.array_split(products, count)])
+    height = float(np.sqrt(peaks.max()))
+    usual = float(np.sqrt(np.median(peaks[peaks > 0.0]))) if height > 0.0 else 0.0
+    stands_out = height > SPIKE_EXCESS * usual and height > SPIKE_SIZE * float(np.std(x))
+    if not stands_out:
+        text = f"no peak of {1000 * SPIKE_REACH:g} ms stands out."
+        return Finding(f"spikes of the {name}", "ok", text)
+    excess = ""
+    if usual > 0.0:
+        excess = f", {height / usual:.2g} times as high as other peaks of this length"
     sample = int(np.argmax(products)) + reach
-    excess = (
-        f", {height / np.sqrt(usual):.2g} times as high as other peaks of this length"
-        if usual > 0
-        else ""
-    )
     text = (
         f"the {name} has a spike of about {height:.2g} {CHANNEL_UNITS[name]} at "
         f"{_place(trial, sample)}{excess}: it acts on K, B, I and G like a blow that nobody "
@@ -211,6 +193,7 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
 
 
 def _place(trial: PreparedTrial, sample: int) -> str:
+    """Number and time of a sample."""
     return f"sample {sample} ({float(trial.samples['time'][sample]):.6g} s)"
 
 

@@ -6,20 +6,20 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ankleloop.checks.channels import Finding
+from ankleloop.checks.findings import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.time_varying_course import Course
 
-LOCKED = 0.3  # share of the perturbation that has to differ from cycle to cycle
-ROUNDS = 5
-MOVEMENT_BAND, FLOOR_BAND = (
-    (0.6, 1.5),
-    (2.0, 6.0),
-)  # frequencies of a cycle, and those of the perturbation beside it
+LOCKED_SHARE = 0.3  # of the perturbation that has to differ from cycle to cycle
+LOCKED_ROUNDS = 5
+# Frequencies of a cycle, and those of the perturbation beside it, in cycles.
+MOVEMENT_BAND, FLOOR_BAND = (0.6, 1.5), (2.0, 6.0)
 MOVEMENT_POWER = 8.0  # of a movement over that of the perturbation; by chance up to 5
 SAME_PHASE = 0.9  # length of the mean of unit vectors
-SLOW, LATEST, LATER = 1.0, 1.0, 0.1  # Hz; s; what another time explains more of the movement
-FOLLOWED = 0.3  # of the slow movement, at least, by a schedule that it follows
+SLOW_FREQUENCY = 1.0  # Hz
+LARGEST_LATENESS = 1.0  # s, of a schedule
+LATE_SHARE = 0.1  # of the movement: so much more another time has to explain
+FOLLOWED_SHARE = 0.3  # of the slow movement, at least, by a schedule that it follows
 
 
 def check_slow_movement(
@@ -38,52 +38,54 @@ def _check_cycles(position: np.ndarray, course: Course, rate: float) -> Finding:
     """Whether the movement has the same phase at all onsets, where there is one."""
     durations = np.bincount(course.segment) / rate
     ends = dict.fromkeys([f"{durations.min():.3g}", f"{durations.max():.3g}"])
-    usable = Finding(
-        "cycles",
-        "ok",
-        f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified.",
-    )
-    position = position - position.mean()
+    text = f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified."
+    usable = Finding("cycles", "ok", text)
     starts = course.rows.start + np.flatnonzero(course.since == 0)
     frequency = np.fft.rfftfreq(position.size) * float(np.median(np.diff(starts)))  # per cycle
-    power = np.abs(np.fft.rfft(position * np.hanning(position.size))) ** 2
-    band, floor = (
-        (frequency > low) & (frequency < high) for low, high in (MOVEMENT_BAND, FLOOR_BAND)
-    )
-    if np.mean(power[band]) < MOVEMENT_POWER * np.median(power[floor]):
+    movement = position - position.mean()
+    power = np.abs(np.fft.rfft(movement * np.hanning(movement.size))) ** 2
+    inside = _is_within(frequency, MOVEMENT_BAND)
+    floor = np.median(power[_is_within(frequency, FLOOR_BAND)])
+    if np.mean(power[inside]) < MOVEMENT_POWER * floor:
         return usable
-    at_onsets = np.fft.ifft(np.where(band, np.fft.rfft(position), 0.0), position.size)[starts]
-    common = float(np.abs(np.mean(at_onsets / np.abs(at_onsets))))
-    if common > SAME_PHASE:
+    analytic = np.fft.ifft(np.where(inside, np.fft.rfft(movement), 0.0), movement.size)
+    at_onsets = analytic[starts]
+    agreement = float(np.abs(np.mean(at_onsets / np.abs(at_onsets))))
+    if agreement > SAME_PHASE:
         return usable
     text = (
-        f"the movement is not the same at all onsets of cycles (its phases agree by {common:.2f}): are they those of "
-        "another trial, or counted from another time? K, B and G over phase are wrong then."
+        f"the movement is not the same at all onsets of cycles (its phases agree by {agreement:.2f}): are they those "
+        "of another trial, or counted from another time? K, B and G over phase are wrong then."
     )
     return Finding("cycles", "warning", text)
+
+
+def _is_within(frequency: np.ndarray, band: tuple[float, float]) -> np.ndarray:
+    """Which frequencies lie within a band."""
+    low, high = band
+    return (frequency > low) & (frequency < high)
 
 
 def _check_schedule(position: np.ndarray, course: Course, rate: float, schedule: str) -> Finding:
     """Whether the slow movement follows the schedule at once, where it follows it."""
     spectra = np.fft.rfft([position, course.place])
-    spectra[:, np.fft.rfftfreq(position.size, 1.0 / rate) >= SLOW] = 0.0
+    spectra[:, np.fft.rfftfreq(position.size, 1.0 / rate) >= SLOW_FREQUENCY] = 0.0
     movement, place = np.fft.irfft(spectra, position.size)
-    reach = round(LATEST * rate)
-    middle, lags = slice(reach, -reach), range(-reach, reach + 1)
-    shares = np.array(
-        [np.corrcoef(movement[middle], np.roll(place, lag)[middle])[0, 1] ** 2 for lag in lags]
-    )
+    reach = round(LARGEST_LATENESS * rate)
+    middle = slice(reach, -reach)
+    lags = range(-reach, reach + 1)
+    late = [np.roll(place, lag)[middle] for lag in lags]
+    correlations = [np.corrcoef(movement[middle], shifted)[0, 1] for shifted in late]
+    shares = np.square(correlations)
     best = int(np.argmax(shares))
-    if shares[best] < FOLLOWED or shares[reach] > shares[best] - LATER:
+    if shares[best] < FOLLOWED_SHARE or shares[reach] > shares[best] - LATE_SHARE:
         low, high = course.limits
-        return Finding(
-            "schedule",
-            "ok",
-            f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile).",
-        )
-    late = (reach - best) / rate
+        text = f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile)."
+        return Finding("schedule", "ok", text)
+    lateness = (reach - best) / rate
+    order = "earlier" if lateness > 0.0 else "later"
     text = (
-        f"the slow movement follows the schedule {abs(late):.2g} s {'earlier' if late > 0 else 'later'} than its "
+        f"the slow movement follows the schedule {abs(lateness):.2g} s {order} than its "
         "samples say: is the schedule shifted in time, or that of another trial?"
     )
     return Finding("schedule", "warning", text)
@@ -96,17 +98,20 @@ def refuse_locked_perturbation(
 
     Shapes: reference (N,), less what repeats or changes slowly.
     """
-    since, rows = course.since, course.rows
-    count, repeated = np.bincount(since), np.zeros(reference.size)
+    rows = course.rows
+    since = course.since
+    cycles = np.bincount(since)
+    repeated = np.zeros(reference.size)
     # The movement is a function of the phase, and a locked perturbation one of the time since the onset: each is fitted
     # to what the other leaves.
-    for _ in range(ROUNDS):
+    for _ in range(LOCKED_ROUNDS):
         rest = reference - slow_part(reference - repeated)
-        repeated[rows] = (np.bincount(since, rest[rows]) / count)[since]
-    left = np.sum((rest - repeated)[rows] ** 2)
+        repeated[rows] = (np.bincount(since, rest[rows]) / cycles)[since]
     # The mean of n independent cycles takes 1/n of their power.
-    share = float(left / max(np.sum(1.0 - 1.0 / count[since]), 1.0) / np.mean(reference[rows] ** 2))
-    if share < LOCKED:
+    freedom = np.sum(1.0 - 1.0 / cycles[since])
+    power = np.sum((rest - repeated)[rows] ** 2) / max(freedom, 1.0)
+    share = float(power / np.mean(reference[rows] ** 2))
+    if share < LOCKED_SHARE:
         raise DataError(
             f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {name} repeats with the cycle: the perturbation is "
             "locked to it. Draw a new pseudorandom sequence for every cycle."

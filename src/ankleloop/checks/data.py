@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ankleloop.checks.channels import CHANNEL_CHECKS, Finding
+from ankleloop.checks.channels import CHANNEL_CHECKS
+from ankleloop.checks.findings import Finding, name_trial
 from ankleloop.checks.movement import (
-    CERTAIN,
-    COPY,
+    COPY_SHARE,
+    STRONG_SHARE,
     check_bandwidth,
     check_excitation,
     check_reference,
     check_relation,
     check_scale,
     check_sign,
-    check_signs_by_reference,
     check_size,
     check_velocity,
     motion_products,
+    project_records,
     reference_correlations,
+    regress_torque_by_reference,
+    turned_signs,
 )
 from ankleloop.checks.reference import find_reference_faults
 from ankleloop.errors import DataError
@@ -38,9 +41,8 @@ class DataUse:
     identification_rate: float = 100.0  # rate of the identification [Hz]
     order: int = 2  # order for which the movement has to be persistently exciting
     block_rows: int = 15  # block rows for which it has to be
-    reference: str | None = (
-        None  # variable whose leads or lags are instruments; None for a method that uses none
-    )
+    # Variable whose leads or lags are instruments; None for a method that uses none.
+    reference: str | None = None
 
 
 def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
@@ -54,18 +56,17 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     """
     warnings = []
     for number, trial in enumerate(trials, 1):
-        findings = _find_faults(
-            trial, use.delay, use.identification_rate, use.reference or "reference"
-        )
-        findings = [*findings, *find_reference_faults(trial, use.reference, use.delay)]
-        place = f"trial {number} of {len(trials)}: " if len(trials) > 1 else ""
+        findings = [
+            *_find_faults(trial, use.delay, use.identification_rate, use.reference or "reference"),
+            *find_reference_faults(trial, use.reference, use.delay),
+        ]
+        place = name_trial(number, len(trials))
         warnings += [f"{place}{finding.text}" for finding in findings]
     warnings += [finding.text for finding in _check_references(trials, use)]
     if warnings:  # what a fault of a channel excites, or does not, says little
         return warnings
-    velocities = [
-        trial.motion(trial.grid(use.identification_rate, use.delay))[1] for trial in trials
-    ]
+    grids = [trial.grid(use.identification_rate, use.delay) for trial in trials]
+    velocities = [trial.motion(grid)[1] for trial, grid in zip(trials, grids, strict=True)]
     excitation = check_excitation(velocities, use.order, use.block_rows)
     return [] if excitation.verdict == "ok" else [excitation.text]
 
@@ -79,12 +80,14 @@ def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str
         if finding.name == "scale" and finding.verdict != "ok":
             raise DataError(finding.text)
     motion = motion_products(trial, grid)
-    sign = check_sign(motion.stiffness, motion.explained)
+    turned_sign = turned_signs(trial.trial)["torque_sign"]
+    sign = check_sign(motion.stiffness, motion.explained, turned_sign)
     if sign.verdict != "ok" and reference != "position" and reference in trial.trial:
         # Least squares may be off by fed-back torque; what the reference explains is not.
-        record = _regressors(trial, delay, rate, reference)
+        record = rectifier_regressors(trial, delay, rate, reference)
         if check_reference([record]).verdict == "ok":
-            (sign,) = check_signs_by_reference([record])
+            ((stiffness, explained),) = regress_torque_by_reference(project_records([record]))
+            sign = check_sign(stiffness, explained, turned_sign)
     return [finding for finding in (*findings, sign) if finding.verdict != "ok"]
 
 
@@ -102,7 +105,10 @@ def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Findin
     ]
 
 
-def _regressors(trial: PreparedTrial, delay: float, rate: float, reference: str) -> Regressors:
+def rectifier_regressors(
+    trial: PreparedTrial, delay: float, rate: float, reference: str | None
+) -> Regressors:
+    """Regressors of a check: their only basis function is the rectified velocity."""
     return trial.regressors(
         delay=delay, basis="rectifier", identification_rate=rate, reference=reference
     )
@@ -113,32 +119,32 @@ def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Fin
     name = use.reference
     if name is None or name == "position" or not all(name in trial.trial for trial in trials):
         return []  # without the variable the method says so itself
-    weak, findings = [], []
+    rate = use.identification_rate
+    findings = []
+    weak = []
     for trial in trials:
-        grid = trial.grid(use.identification_rate, use.delay)
-        later, position, torque = reference_correlations(trial, grid, name)
-        if torque > 1.0 - COPY:
+        later, position, torque = reference_correlations(trial, trial.grid(rate, use.delay), name)
+        if torque > 1.0 - COPY_SHARE:
             raise DataError(
                 f"{name} is the torque itself, which is no instrument: give the command of the servo as reference."
             )
-        if position > 1.0 - COPY**2:
+        if position > 1.0 - COPY_SHARE**2:
             text = (
                 f"{name} is a copy of the position, so the results hold only if the loop is open: give the command of "
                 "the servo as reference, or say reference='position'."
             )
             findings.append(Finding("reference", "warning", text))
-        if not later > CERTAIN:
-            weak.append(_regressors(trial, use.delay, use.identification_rate, name))
+        if not later > STRONG_SHARE:
+            weak.append(rectifier_regressors(trial, use.delay, rate, name))
     for record in weak:
         finding = check_reference([record])
         if finding.verdict == "warning" and len(trials) > 1:  # too short alone
-            records = [
-                _regressors(trial, use.delay, use.identification_rate, name) for trial in trials
-            ]
+            records = [rectifier_regressors(trial, use.delay, rate, name) for trial in trials]
             finding = check_reference(records)
         if finding.verdict == "refused":
             raise DataError(finding.text)
-        findings += [finding] if finding.verdict == "warning" else []
+        if finding.verdict == "warning":
+            findings.append(finding)
     return list(dict.fromkeys(findings))
 
 
@@ -150,9 +156,8 @@ def refuse_repeated_trials(trials: Sequence[PreparedTrial]) -> None:
     """
     numbers: dict[tuple[int, ...], int] = {}
     for number, trial in enumerate(trials, 1):
-        earlier = numbers.setdefault(
-            tuple(hash(trial.samples[name].tobytes()) for name in REQUIRED), number
-        )
+        record = tuple(hash(trial.samples[name].tobytes()) for name in REQUIRED)
+        earlier = numbers.setdefault(record, number)
         if earlier != number:
             raise DataError(
                 f"trials {earlier} and {number} of {len(trials)} are the same record, which would count twice: leave "

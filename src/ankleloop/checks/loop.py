@@ -9,23 +9,24 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ankleloop.checks.channels import Finding
+from ankleloop.checks.findings import Finding
+from ankleloop.checks.movement import project_records
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.least_squares import fit_scaled
-from ankleloop.signals.responses import ReferenceProjection, lag_matrix, project_on_reference
-from ankleloop.signals.spectra import segment_spectra
+from ankleloop.signals.least_squares import fit_scaled, solve_scaled
+from ankleloop.signals.responses import ReferenceProjection, lag_matrix
+from ankleloop.signals.spectra import coherence, segment_spectra
 
-SEGMENT = 2.0  # s
-FEWEST = 4  # segments: with fewer, nothing but a very strong coherence would be seen
-BAND = (0.5, 20.0)  # Hz
-APART = 3  # bins between which the values of a Hann window are independent
-LEVEL = 0.01
+SEGMENT_DURATION = 2.0  # s
+FEWEST_SEGMENTS = 4  # with fewer, nothing but a very strong coherence would be seen
+LOWEST_FREQUENCY, HIGHEST_FREQUENCY = 0.5, 20.0  # Hz, of the coherence
+BINS_APART = 3  # the values of a Hann window are independent then
+SIGNIFICANCE = 0.01
 LARGEST_BIAS = 2.0  # % of K: the scatter of K in a record of a minute (95 % interval of riv) hides a smaller bias
 SHOWN_BIAS = 0.1  # % of K: a smaller limit is not spelt out
 REFLEX_LAGS = 0.4  # s
-DISCARDED = 1e-6  # of the largest singular value
+DISCARDED_SHARE = 1e-6  # of the largest singular value
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,9 @@ class FeedbackTest:
         return self.duration * (2.0 * self.margin / LARGEST_BIAS) ** 2
 
 
-def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
+def feedback_test(
+    records: Sequence[Regressors], projection: ReferenceProjection | None = None
+) -> FeedbackTest:
     r"""Test whether torque that the reference does not explain moves the joint, and how much that matters for K.
 
     **Detection.** The response to leads and lags of the reference is removed from position and torque, which leaves e_P
@@ -103,6 +106,8 @@ def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
     records : sequence of Regressors
         Records of one joint at one identification rate, with reference and rectified velocity (basis "rectifier"); a
         stretch is opposed by a positive torque. Several records are tested together.
+    projection : ReferenceProjection, optional
+        That of the records (`ankleloop.checks.movement.project_records`), where it has been computed already.
 
     Returns
     -------
@@ -127,30 +132,33 @@ def feedback_test(records: Sequence[Regressors]) -> FeedbackTest:
     ['closed', 'open']
     """
     rate = records[0].rate
-    channels = [np.column_stack([record.inputs[:, :MOTION], record.torque]) for record in records]
-    references = [record.reference for record in records if record.reference is not None]
-    projection = project_on_reference(references, channels, rate)
-    length = round(SEGMENT * rate)
+    projection = projection or project_records(records)
+    length = round(SEGMENT_DURATION * rate)
     segments = sum(len(part) // length for part in projection.signals)
-    if segments < FEWEST:
-        lost = projection.rows / rate - segments * SEGMENT
+    if segments < FEWEST_SEGMENTS:
+        unused = projection.rows / rate - segments * SEGMENT_DURATION
+        missing = (FEWEST_SEGMENTS - segments) * SEGMENT_DURATION - unused
         raise DataError(
-            f"beside the response to the reference there are {segments} segments of {SEGMENT:g} s, and the test needs "
-            f"{FEWEST}: record {(FEWEST - segments) * SEGMENT - lost:.2g} s more."
+            f"beside the response to the reference there are {segments} segments of {SEGMENT_DURATION:g} s, and the "
+            f"test needs {FEWEST_SEGMENTS}: record {missing:.2g} s more."
         )
-    p_value, coherence, work = _test_coherence(projection, length, rate)
-    difference, margin = _bound_bias(projection, length)
-    scale = 100.0 / abs(fit_stiffness(records) - difference)
-    bias, margin = difference * scale, margin * scale
-    closed = p_value < LEVEL and work > 0
+    p_value, mean_coherence, work = _test_coherence(projection, length, rate)
+    difference, half_width = _bound_bias(projection, length)
+    percent = 100.0 / abs(fit_stiffness(records) - difference)
+    bias = difference * percent
+    margin = half_width * percent
+    if p_value < SIGNIFICANCE and work > 0.0:
+        loop = "closed"
+    else:
+        loop = "open" if abs(bias) + margin < LARGEST_BIAS else "undecided"
     return FeedbackTest(
-        loop="closed" if closed else "open" if abs(bias) + margin < LARGEST_BIAS else "undecided",
+        loop=loop,
         p_value=p_value,
-        coherence=coherence,
+        coherence=mean_coherence,
         work=work,
         bias=bias,
         margin=margin,
-        duration=segments * SEGMENT,
+        duration=segments * SEGMENT_DURATION,
     )
 
 
@@ -159,52 +167,54 @@ def _test_coherence(
 ) -> tuple[float, float, float]:
     """Probability of the coherence if the residuals were unrelated, its mean, and the sign of the power."""
     frequency = np.fft.rfftfreq(length, 1.0 / rate)
-    bins = np.flatnonzero((frequency >= BAND[0]) & (frequency <= min(BAND[1], PASSBAND * rate)))[
-        ::APART
-    ]
-
-    def transform(parts: Sequence[np.ndarray], channel: int) -> np.ndarray:
-        long_enough = [part[:, channel] for part in parts if len(part) >= length]
-        return np.concatenate(
-            [segment_spectra(part, length, length)[:, bins] for part in long_enough]
-        )
-
-    signals, residuals = projection.signals, projection.residuals
-    P, T = (transform(residuals, channel) for channel in (0, MOTION))
-    explained_P, explained_T = (transform(signals, channel) for channel in (0, MOTION))
-    explained_P, explained_T = explained_P - P, explained_T - T
+    highest = min(HIGHEST_FREQUENCY, PASSBAND * rate)
+    inside = np.flatnonzero((frequency >= LOWEST_FREQUENCY) & (frequency <= highest))
+    bins = inside[::BINS_APART]
+    position, torque = _transform(projection.residuals, length, bins)
+    whole_position, whole_torque = _transform(projection.signals, length, bins)
+    explained_position = whole_position - position
+    explained_torque = whole_torque - torque
     tiny = np.finfo(float).tiny
-    explained_power = np.maximum(np.sum(np.abs(explained_P) ** 2, axis=0), tiny)
-    joint = np.sum(explained_T * explained_P.conj(), axis=0) / explained_power
-    N = T - joint * P
-    power_P, power_N = (np.maximum(np.sum(np.abs(x) ** 2, axis=0), tiny) for x in (P, N))
-    cross = np.sum(P * N.conj(), axis=0)
+    power = np.sum(np.abs(position) ** 2, axis=0)
+    explained_power = np.maximum(np.sum(np.abs(explained_position) ** 2, axis=0), tiny)
+    joint = np.sum(explained_torque * explained_position.conj(), axis=0) / explained_power
+    noise = torque - joint * position
     # The response of the joint is itself an estimate, which adds to the scatter of the cross spectrum.
-    coherence = np.abs(cross) ** 2 / (power_P * power_N) / (1.0 + power_P / explained_power)
+    squared = coherence(position, noise) / (1.0 + power / explained_power)
     # The response to the reference takes its share of the independent segments.
-    statistic = (
-        -2.0
-        * (len(P) * projection.shrinkage - 1.0)
-        * np.sum(np.log1p(-np.minimum(coherence, 1.0 - 1e-12)))
-    )
+    freedom = len(position) * projection.shrinkage - 1.0
+    statistic = -2.0 * freedom * np.sum(np.log1p(-np.minimum(squared, 1.0 - 1e-12)))
+    p_value = float(special.chdtrc(2 * bins.size, statistic))
     # Velocity leads position by a quarter of a period; its product with the torque is power.
-    work_sign = np.real(1j * cross) / np.maximum(np.abs(cross), tiny)
-    work = float(-np.sum(coherence * work_sign) / np.sum(coherence))
-    return float(special.chdtrc(2 * bins.size, statistic)), float(coherence.mean()), work
+    cross = np.sum(position * noise.conj(), axis=0)
+    power_sign = np.real(1j * cross) / np.maximum(np.abs(cross), tiny)
+    work = float(-np.sum(squared * power_sign) / np.sum(squared))
+    return p_value, float(squared.mean()), work
+
+
+def _transform(
+    records: Sequence[np.ndarray], length: int, bins: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Spectra of position and torque in segments of all records, shapes (segments, bins)."""
+    long_enough = [record for record in records if len(record) >= length]
+    position, torque = (
+        np.concatenate([segment_spectra(x[:, channel], length, length) for x in long_enough])
+        for channel in (0, MOTION)
+    )
+    return position[:, bins], torque[:, bins]
 
 
 def _bound_bias(projection: ReferenceProjection, length: int) -> tuple[float, float]:
     """Least squares less two-stage least squares for K, and the half width of its 98 % interval [N·m/rad]."""
-    signals, residuals = (
-        np.concatenate(parts) for parts in (projection.signals, projection.residuals)
-    )
-    scale = signals[:, :MOTION].std(axis=0)
-    motion, torque = signals[:, :MOTION] / scale, signals[:, MOTION]
-    explained = motion - residuals[:, :MOTION] / scale
-    weights = np.linalg.solve(motion.T @ motion, motion.T)
-    instrumental = np.linalg.solve(explained.T @ motion, explained.T)
-    influence = (weights - instrumental)[0] / scale[0]
-    terms = influence * (torque - motion @ (instrumental @ torque))
+    signals = np.concatenate(projection.signals)
+    residuals = np.concatenate(projection.residuals)
+    motion = signals[:, :MOTION]
+    torque = signals[:, MOTION]
+    instruments = motion - residuals[:, :MOTION]
+    ordinary = solve_scaled(motion.T @ motion, motion.T)
+    instrumental = solve_scaled(instruments.T @ motion, instruments.T)
+    noise = torque - motion @ (instrumental @ torque)
+    terms = (ordinary[0] - instrumental[0]) * noise
     bounds = np.cumsum([0, *map(len, projection.signals)])
     sums = [
         terms[start : start + length].sum()
@@ -212,8 +222,9 @@ def _bound_bias(projection: ReferenceProjection, length: int) -> tuple[float, fl
         for start in range(first, last - length + 1, length)
     ]
     variance = np.var(sums, ddof=1) * projection.rows / length
-    margin = special.stdtrit(len(sums) - 1, 1.0 - LEVEL) * np.sqrt(variance)
-    return float(terms.sum() / projection.shrinkage), float(margin / projection.shrinkage)
+    quantile = special.stdtrit(len(sums) - 1, 1.0 - SIGNIFICANCE)
+    margin = float(quantile * np.sqrt(variance))
+    return float(terms.sum()) / projection.shrinkage, margin / projection.shrinkage
 
 
 def path_bias(records: Sequence[Regressors]) -> float:
@@ -229,32 +240,37 @@ def path_bias(records: Sequence[Regressors]) -> float:
 def fit_stiffness(records: Sequence[Regressors], *, with_reflex: bool = True) -> float:
     """K by least squares, on samples with all lags of the reflex, a finite response to the rectified velocity."""
     lags = round(REFLEX_LAGS * records[0].rate)
-    inputs, torque = [], []
+    inputs, torques = [], []
     for record in records:
-        if record.torque.size > lags + 1:
-            part = record.inputs[lags:, :MOTION]
-            if with_reflex:
-                part = np.column_stack([part, lag_matrix(record.inputs[:, MOTION], 0, lags)])
-            inputs.append(part - part.mean(axis=0))
-            torque.append(record.torque[lags:] - record.torque[lags:].mean())
-    return float(fit_scaled(np.concatenate(inputs), np.concatenate(torque), DISCARDED)[0])
+        if record.torque.size <= lags + 1:
+            continue
+        columns = record.inputs[lags:, :MOTION]
+        if with_reflex:
+            reflex = lag_matrix(record.inputs[:, MOTION], 0, lags)
+            columns = np.column_stack([columns, reflex])
+        torque = record.torque[lags:]
+        inputs.append(columns - columns.mean(axis=0))
+        torques.append(torque - torque.mean())
+    values = fit_scaled(np.concatenate(inputs), np.concatenate(torques), DISCARDED_SHARE)
+    return float(values[0])
 
 
-def check_loop(records: Sequence[Regressors], usable: bool) -> tuple[str, Finding]:
-    """Whether torque feeds back on the position; undecided unless the reference is usable."""
-    if not usable:
+def check_loop(
+    records: Sequence[Regressors], projection: ReferenceProjection | None
+) -> tuple[str, Finding]:
+    """Whether torque feeds back on the position; undecided without a projection on a usable reference."""
+    if projection is None:
         text = (
             "undecided: this cannot be told without a usable reference. Methods for open loop hold only if it is "
             "open."
         )
         return "undecided", Finding("loop", "warning", text)
     try:
-        test = feedback_test(records)
+        test = feedback_test(records, projection)
     except DataError as error:
         return "undecided", Finding("loop", "warning", f"undecided: {error}")
-    return test.loop, Finding(
-        "loop", "warning" if test.loop == "undecided" else "ok", _describe_loop(test)
-    )
+    verdict = "warning" if test.loop == "undecided" else "ok"
+    return test.loop, Finding("loop", verdict, _describe_loop(test))
 
 
 def _describe_loop(test: FeedbackTest) -> str:
@@ -269,18 +285,16 @@ def _describe_loop(test: FeedbackTest) -> str:
             f"{text}, and the torque does work on the load. By this K of a second-order model by least squares is off "
             f"by {test.bias:.3g} % (98 % interval {interval} %)."
         )
-    text += (
-        ", but the torque does no work on the load"
-        if test.p_value < LEVEL
-        else ", no more than chance"
-    )
-    limit = (
-        f"{max(test.limit, SHOWN_BIAS):.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
-    )
+    if test.p_value < SIGNIFICANCE:
+        text = f"{text}, but the torque does no work on the load"
+    else:
+        text = f"{text}, no more than chance"
+    limit = max(test.limit, SHOWN_BIAS)
+    confidence = f"{limit:.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
     if test.loop == "open":
-        return f"{text}. Whatever feedback there is biases K by least squares by less than {limit}."
+        return f"{text}. Whatever feedback there is biases K by least squares by less than {confidence}."
     return (
-        f"{text}. But K by least squares may be off by as much as {limit}: by {test.bias:.2g} ± {test.margin:.2g} % in "
-        f"this record. About {test.sufficient_duration:.2g} s, or a stronger perturbation, would decide whether that "
-        "is more than chance; if it is, torque feeds back or the position is noisy."
+        f"{text}. But K by least squares may be off by as much as {confidence}: by {test.bias:.2g} ± {test.margin:.2g} "
+        f"% in this record. About {test.sufficient_duration:.2g} s, or a stronger perturbation, would decide whether "
+        "that is more than chance; if it is, torque feeds back or the position is noisy."
     )

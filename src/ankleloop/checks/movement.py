@@ -7,50 +7,48 @@ from dataclasses import dataclass
 from math import inf, sqrt
 
 import numpy as np
+import xarray as xr
 
-from ankleloop.checks.channels import CHANNEL_UNITS, Finding
+from ankleloop.checks.channels import CHANNEL_UNITS
+from ankleloop.checks.findings import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import MOTION, Grid, Regressors
-from ankleloop.quantities import QUANTITIES
+from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.least_squares import solve_scaled
-from ankleloop.signals.responses import project_on_reference, unseen_share
+from ankleloop.signals.responses import ReferenceProjection, project_on_reference, unseen_share
 from ankleloop.signals.spectra import coherence, segment_spectra
 from ankleloop.subspace.hankel import hankel_gram
 from ankleloop.trials.trial import REQUIRED
 
-SMALLEST, LARGEST = (
-    1e-12,
-    1e12,
-)  # rad and N·m: squares of anything beyond leave the range of numbers
+# rad and N·m: squares of anything beyond leave the range of numbers.
+SMALLEST_DEVIATION, LARGEST_DEVIATION = 1e-12, 1e12
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave
+BAND_SAMPLES = 200  # about, for that deviation; an odd number apart, which few frequencies divide
 LARGEST_POSITION = 1.0  # rad, standard deviation: no joint can move so far
-STIFFNESSES = 0.1, 1e5  # N·m/rad, torque over position: from a finger to a leg that stands
-MODEL = 0.2  # share of the torque that a second-order model must explain before its sign is read
-# Share of the torque that it explains by chance: 1 s over the duration, within limits.
-UNRELATED, UNRELATED_LIMITS = 1.0, (0.02, 0.1)
-# Share of the position that leads and lags of an unrelated reference explain by chance, in the same way.
-WEAK, WEAK_LIMITS = 5.0, (0.05, 0.15)
-CERTAIN = (
-    0.2  # share that a single lag explains: leads and lags together explain more than the weakest
+# N·m/rad, torque over position: from a finger to a leg that stands.
+SMALLEST_RATIO, LARGEST_RATIO = 0.1, 1e5
+SIGN_SHARE = 0.2  # of the torque that a second-order model must explain before its sign is read
+UNRELATED_DURATION = (
+    1.0  # s over the duration is the share of the torque that it explains by chance
 )
-LEAD, LAG = 0.02, 0.1  # s
-FAST_RATE = 1000.0  # Hz: at half of it nothing is left of a torque
-EDGE, EDGE_SLOPE = (
-    2.5e-4,
-    0.63,
-)  # density at the edge of the band over the largest one, and over that at three quarters
+UNRELATED_LIMITS = (0.02, 0.1)
+# The same for the share of the position that leads and lags of an unrelated reference explain.
+WEAK_DURATION = 5.0  # s
+WEAK_LIMITS = (0.05, 0.15)
+# Share that a single lag explains: leads and lags together explain more than the weakest reference.
+STRONG_SHARE = 0.2
+REFERENCE_LEAD, REFERENCE_LAG = 0.02, 0.1  # s, of the single lags
+COPY_SHARE = 1e-6  # of a channel that its copy leaves
 NOISE_BAND = 45.0  # Hz
 NOISE_SHARE = 0.15  # of the velocity's power: from about there on the reflex gain is off by 15 %
-NOISE_SEGMENT, NOISE_SEGMENTS = (
-    0.5,
-    30,
-)  # s, and about how many of them show the noise of a long record
-COPY = 1e-6  # share of a channel that its copy leaves
-TINY = np.finfo(float).tiny
-EXCITED = 1e-6  # of the largest eigenvalue of the velocity's Hankel products
-SAMPLED = 200  # samples, about, for a standard deviation; an odd number apart, which few frequencies divide
+NOISE_SEGMENT = 0.5  # s
+NOISE_SEGMENTS = 30  # about: so many of them show the noise of a long record
+UNFILTERED_RATE = 1000.0  # Hz: at half of it nothing is left of a torque
+EDGE_DENSITY = 2.5e-4  # of the largest density, at the edge of the band
+EDGE_SLOPE = 0.63  # density at the edge over that at three quarters of the band
+EXCITED_SHARE = 1e-6  # of the largest eigenvalue of the velocity's Hankel products
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +56,8 @@ class MotionProducts:
     """Inner products of position, velocity, acceleration and torque of the decimated samples of a record."""
 
     grid: Grid  # its decimated samples
-    signals: (
-        np.ndarray
-    )  # shape (4, N): position, velocity, acceleration and torque, each less its mean
+    # Shape (4, N): position, velocity, acceleration and torque, each less its mean.
+    signals: np.ndarray
     products: np.ndarray  # shape (4, 4): their inner products
     # Shape (3,): K, B and I of a model without a reflex by least squares.
     stiffness: np.ndarray
@@ -75,7 +72,14 @@ def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
         [*trial.motion(grid), trial.channel("torque", grid)]
     )
     position, *_, torque = np.sqrt(products.diagonal() / grid.samples).tolist()
-    return MotionProducts(grid, signals, products, stiffness, explained, (position, torque))
+    return MotionProducts(
+        grid=grid,
+        signals=signals,
+        products=products,
+        stiffness=stiffness,
+        explained=explained,
+        deviations=(position, torque),
+    )
 
 
 def regress_torque(
@@ -86,32 +90,60 @@ def regress_torque(
     Shapes: signals (N,); returns the signals less their means (n + 1, N), their products (n + 1, n + 1), coefficients
     (n,), and the share of the variance that they explain.
     """
-    deviations = np.stack([x - x.mean() for x in signals])
+    deviations = np.stack([signal - signal.mean() for signal in signals])
     products = deviations @ deviations.T
     right = products[:-1, -1]
-    values = solve_scaled(products[:-1, :-1], right)
-    return deviations, products, values, float(right @ values / products[-1, -1])
+    coefficients = solve_scaled(products[:-1, :-1], right)
+    explained = float(right @ coefficients / products[-1, -1])
+    return deviations, products, coefficients, explained
+
+
+def select_references(records: Sequence[Regressors]) -> list[np.ndarray]:
+    """References of the records that have one, shapes (N,)."""
+    return [record.reference for record in records if record.reference is not None]
+
+
+def project_records(records: Sequence[Regressors]) -> ReferenceProjection:
+    """Position, velocity, acceleration and torque of records, and what their reference does not explain of them."""
+    channels = [np.column_stack([record.inputs[:, :MOTION], record.torque]) for record in records]
+    return project_on_reference(select_references(records), channels, records[0].rate)
+
+
+def regress_torque_by_reference(projection: ReferenceProjection) -> list[tuple[np.ndarray, float]]:
+    """K, B and I of each projected record by two-stage least squares, which fed-back torque does not bias.
+
+    Shapes: returns coefficients (3,), and the share of the torque's variance that they explain.
+    """
+    fits = []
+    for signals, residuals in zip(projection.signals, projection.residuals, strict=True):
+        torque = signals[:, MOTION]
+        motion = signals[:, :MOTION]
+        instruments = motion - residuals[:, :MOTION]
+        stiffness = solve_scaled(instruments.T @ motion, instruments.T @ torque)
+        unexplained = np.var(torque - motion @ stiffness) / np.var(torque)
+        fits.append((stiffness, 1.0 - float(unexplained)))
+    return fits
 
 
 def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
     """Position and torque that can be computed with, and that lie within the band of the identification."""
-    position, torque = motion.deviations
     for name, deviation in zip(REQUIRED, motion.deviations, strict=True):
-        if not SMALLEST < deviation < LARGEST:
+        if not SMALLEST_DEVIATION < deviation < LARGEST_DEVIATION:
             unit = CHANNEL_UNITS[name]
             text = (
-                f"the {name} has a standard deviation of {deviation:.3g} {unit}, and {SMALLEST:g} … {LARGEST:g} {unit} "
-                "can be computed with: check its unit."
+                f"the {name} has a standard deviation of {deviation:.3g} {unit}, and {SMALLEST_DEVIATION:g} … "
+                f"{LARGEST_DEVIATION:g} {unit} can be computed with: check its unit."
             )
             return Finding("scale", "refused", text)
         x = trial.samples[name]
-        if deviation < BAND_SHARE * sqrt(np.mean((x[:: x.size // SAMPLED | 1] - x[0]) ** 2)):
+        some = x[:: x.size // BAND_SAMPLES | 1]
+        if deviation < BAND_SHARE * sqrt(np.mean((some - x[0]) ** 2)):
             highest = PASSBAND * trial.rate / motion.grid.factor
             text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
             return Finding("scale", "refused", text)
-    return Finding(
-        "scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m."
-    )
+    position, torque = motion.deviations
+    text = f"standard deviations of {position:.3g} rad and {torque:.3g} N·m."
+    return Finding("scale", "ok", text)
 
 
 def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
@@ -119,54 +151,38 @@ def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
     position, torque = motion.deviations
     ratio = torque / position if position > 0.0 else inf
     text = f"standard deviations of {position:.3g} rad and {torque:.3g} N·m, {ratio:.3g} N·m/rad"
-    if not (
-        position <= LARGEST_POSITION
-        and STIFFNESSES[0] * position < torque < STIFFNESSES[1] * position
-    ):
-        text = (
-            f"{text}, are not those of a joint: K, B, I and G are not either. Are position and torque exchanged, or in "
-            "other units than rad and N·m?"
-        )
-        return Finding("size", "refused", text)
-    return Finding("size", "ok", f"{text}.")
+    if position <= LARGEST_POSITION and SMALLEST_RATIO < ratio < LARGEST_RATIO:
+        return Finding("size", "ok", f"{text}.")
+    text = (
+        f"{text}, are not those of a joint: K, B, I and G are not either. Are position and torque exchanged, or in "
+        "other units than rad and N·m?"
+    )
+    return Finding("size", "refused", text)
 
 
-def check_sign(stiffness: np.ndarray, explained: float) -> Finding:
+def turned_signs(trial: xr.Dataset) -> dict[str, int]:
+    """Signs that turn position and torque round, as options of `read_trial`: the opposite of those it was read with."""
+    names = ("position_sign", "torque_sign")
+    return {name: 1 if trial.attrs.get(name) == -1 else -1 for name in names}
+
+
+def check_sign(stiffness: np.ndarray, explained: float, turned_sign: int = -1) -> Finding:
     """Positive stiffness; by instruments in closed loop, where least squares can give a negative one by its bias.
+
+    The torque has the right sign if it is read with `torque_sign` set to `turned_sign`.
 
     Shapes: stiffness (3,).
     """
-    values = dict(zip("KBI", stiffness.tolist(), strict=True))
-    numbers = ", ".join(
-        f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items()
-    )
-    text = f"a second-order model without reflex has {numbers}"
-    if stiffness[0] < 0 and (stiffness[2] < 0 or explained > MODEL):
-        return Finding(
-            "sign of the torque",
-            "refused",
-            f"{text}: the torque has the other sign. Set torque_sign: -1 (turn round the torque, not the position: the "
-            "rectifier would see the wrong half).",
+    values = dict(zip(STIFFNESS, stiffness.tolist(), strict=True))
+    numbers = [f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items()]
+    text = f"a second-order model without reflex has {', '.join(numbers)}"
+    if values["K"] < 0.0 and (values["I"] < 0.0 or explained > SIGN_SHARE):
+        text = (
+            f"{text}: the torque has the other sign. Set torque_sign: {turned_sign} (turn round the torque, not the "
+            "position: the rectifier would see the wrong half)."
         )
+        return Finding("sign of the torque", "refused", text)
     return Finding("sign of the torque", "ok", f"{text}: the torque opposes stretch.")
-
-
-def check_signs_by_reference(records: Sequence[Regressors]) -> list[Finding]:
-    """Sign of the torque of each record by what the reference explains, which fed-back torque does not bias."""
-    channels = [np.column_stack([record.inputs[:, :MOTION], record.torque]) for record in records]
-    references = [record.reference for record in records if record.reference is not None]
-    projection = project_on_reference(references, channels, records[0].rate)
-    findings = []
-    for x, residual in zip(projection.signals, projection.residuals, strict=True):
-        scale, torque = x[:, :MOTION].std(axis=0), x[:, MOTION]
-        motion, instruments = x[:, :MOTION] / scale, (x - residual)[:, :MOTION] / scale
-        values = np.linalg.lstsq(instruments.T @ motion, instruments.T @ torque, rcond=None)[0]
-        findings.append(
-            check_sign(
-                values / scale, 1.0 - float(np.var(torque - motion @ values) / np.var(torque))
-            )
-        )
-    return findings
 
 
 @once
@@ -180,12 +196,13 @@ def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     length = round(NOISE_SEGMENT * trial.rate)
     if velocity.size < 10 * length or trial.rate < 2.5 * NOISE_BAND:
         return ok
-    signals = velocity, trial.samples["torque"]
     step = max(length // 2, velocity.size // NOISE_SEGMENTS)
-    v, t = (segment_spectra(signal, length, step) for signal in signals)
-    power = np.mean(np.abs(v) ** 2, axis=0)
-    above = np.arange(power.size) * trial.rate / length > NOISE_BAND
-    share = float(np.sum((power * (1.0 - coherence(v, t)))[above]) / np.sum(power))
+    spectra = segment_spectra(velocity, length, step)
+    torque_spectra = segment_spectra(trial.samples["torque"], length, step)
+    power = np.mean(np.abs(spectra) ** 2, axis=0)
+    noise = power * (1.0 - coherence(spectra, torque_spectra))
+    is_above = np.arange(power.size) * trial.rate / length > NOISE_BAND
+    share = float(np.sum(noise[is_above]) / np.sum(power))
     if share < NOISE_SHARE:
         return ok
     text = (
@@ -205,15 +222,14 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
     ok = Finding("bandwidth", "ok", "the torque was sampled fast enough.")
     length = 2 * round(trial.rate)
     torque = trial.samples["torque"]
-    if trial.rate >= FAST_RATE or torque.size < 5 * length:
+    if trial.rate >= UNFILTERED_RATE or torque.size < 5 * length:
         return ok
     density = np.mean(np.abs(segment_spectra(torque, length, length // 2)) ** 2, axis=0)
     place = np.linspace(0.0, 1.0, density.size)  # of half of the sampling rate
-    edge, inside = (
-        float(density[(place >= low) & (place < high)].mean())
-        for low, high in ((0.94, 0.995), (0.7, 0.8))
-    )
-    if edge < EDGE * float(density[place < 0.3].max()) or edge < EDGE_SLOPE * inside:
+    largest = density[place < 0.3].max()
+    inside = density[(place >= 0.7) & (place < 0.8)].mean()
+    edge = density[(place >= 0.94) & (place < 0.995)].mean()
+    if edge < EDGE_DENSITY * largest or edge < EDGE_SLOPE * inside:
         return ok
     text = (
         f"the spectrum of the torque does not fall towards {trial.rate / 2:g} Hz, half of its rate: samples were "
@@ -226,7 +242,8 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
 def check_relation(trial: PreparedTrial, motion: MotionProducts) -> Finding:
     """Torque that has something to do with the movement."""
     text = f"position, velocity and acceleration explain {100.0 * motion.explained:.2g} % of the torque"
-    by_chance = float(np.clip(UNRELATED * trial.rate / trial.time.size, *UNRELATED_LIMITS))
+    duration = trial.time.size / trial.rate
+    by_chance = float(np.clip(UNRELATED_DURATION / duration, *UNRELATED_LIMITS))
     if not motion.explained >= by_chance:
         text = (
             f"{text}, as those of any other record would: K, B, I and G say nothing about the joint. Check the "
@@ -248,34 +265,34 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
         return Finding("excitation", "refused", text)
     # Decimation leaves the uppermost part of the band empty, which limits the rank of any movement.
     attainable = int(np.floor(2 * PASSBAND * rows))
-    grams = [hankel_gram(velocity[:, None], rows, subtract_means=False) for velocity in velocities]
-    values = np.linalg.eigvalsh(np.sum(grams, axis=0))[::-1]
-    rank = int(np.count_nonzero(values > EXCITED * values[0]))
-    if rank < attainable:
-        return Finding(
-            "excitation",
-            "refused" if rank < 2 * (order + 3) else "warning",
-            f"the movement excites {rank} of {attainable} directions that {block_rows} block rows and order {order} "
-            "need: perturb with a pseudorandom sequence, or take fewer block rows.",
-        )
-    return Finding("excitation", "ok", f"persistent for order {order} and {block_rows} block rows.")
+    columns = [velocity[:, None] for velocity in velocities]
+    grams = [hankel_gram(column, rows, subtract_means=False) for column in columns]
+    eigenvalues = np.linalg.eigvalsh(np.sum(grams, axis=0))
+    rank = int(np.count_nonzero(eigenvalues > EXCITED_SHARE * eigenvalues[-1]))
+    if rank >= attainable:
+        text = f"persistent for order {order} and {block_rows} block rows."
+        return Finding("excitation", "ok", text)
+    verdict = "refused" if rank < 2 * (order + 3) else "warning"
+    text = (
+        f"the movement excites {rank} of {attainable} directions that {block_rows} block rows and order {order} "
+        "need: perturb with a pseudorandom sequence, or take fewer block rows."
+    )
+    return Finding("excitation", verdict, text)
 
 
 def check_reference(records: Sequence[Regressors]) -> Finding:
     """Whether the reference can serve as an instrument."""
     name = records[0].reference_name
+    rate = records[0].rate
+    positions = [record.inputs[:, 0] for record in records]
     try:
-        references = [record.reference for record in records if record.reference is not None]
-        share = unseen_share(
-            references, [record.inputs[:, 0] for record in records], records[0].rate
-        )
+        share = unseen_share(select_references(records), positions, rate)
     except DataError as error:
-        return Finding(
-            "reference", "warning", f"what {name} explains of the position cannot be told: {error}"
-        )
+        text = f"what {name} explains of the position cannot be told: {error}"
+        return Finding("reference", "warning", text)
     text = f"{name} explains {100 * max(share, 0.0):.1f} % of the position in unseen halves"
-    duration = sum(record.torque.size for record in records) / records[0].rate
-    limit = float(np.clip(WEAK / duration, *WEAK_LIMITS))
+    duration = sum(map(len, positions)) / rate
+    limit = float(np.clip(WEAK_DURATION / duration, *WEAK_LIMITS))
     if share < limit:
         text = (
             f"{text}, and chance alone up to {100 * limit:.2g} % in {duration:.3g} s: it is too weak an instrument. "
@@ -290,15 +307,21 @@ def reference_correlations(
     trial: PreparedTrial, grid: Grid, name: str
 ) -> tuple[float, float, float]:
     """Squared correlations of the reference: the largest with the position a little later, and those at once."""
-    motion, reference = motion_products(trial, grid), trial.channel(name, grid)
+    motion = motion_products(trial, grid)
     rate = trial.rate / grid.factor
-    lead, lag = round(LEAD * rate), round(LAG * rate)
-    if reference.size - lead - lag < 2:
+    lead = round(REFERENCE_LEAD * rate)
+    lag = round(REFERENCE_LAG * rate)
+    if grid.samples - lead - lag < 2:
         return 0.0, 0.0, 0.0
-    reference = reference - reference.mean()
+    recorded = trial.channel(name, grid)
+    reference = recorded - recorded.mean()
+    energy = reference @ reference
+    position_energy = energy * motion.products[0, 0]
+    torque_energy = energy * motion.products[MOTION, MOTION]
     position, *_, torque = motion.signals
-    energy = float(reference @ reference)
-    energies = energy * motion.products.diagonal()[[0, MOTION]]
-    at_once = np.array([reference @ position, reference @ torque]) ** 2 / energies
     shifted = np.correlate(position, reference[lead : reference.size - lag], mode="valid")
-    return float(np.max(shifted**2) / energies[0]), float(at_once[0]), float(at_once[1])
+    return (
+        float(np.max(shifted**2) / position_energy),
+        float((reference @ position) ** 2 / position_energy),
+        float((reference @ torque) ** 2 / torque_energy),
+    )

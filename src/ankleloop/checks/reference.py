@@ -8,21 +8,29 @@ from math import sqrt
 
 import numpy as np
 
-from ankleloop.checks.channels import Finding, merge_findings
+from ankleloop.checks.findings import Finding, merge_findings
 from ankleloop.checks.movement import check_reference, motion_products, regress_torque
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.signals.decimation import decimate
+from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.responses import lag_matrix
 
-RATE = 100.0  # Hz, about: at it an actuator of 5 … 60 Hz makes the position late enough to be seen
-AHEAD = 0.15  # correlation that no position has that follows its command, not even behind an ideal actuator
-CHANCE, CERTAIN = 2.0, 4.0  # standard deviations of the correlation of unrelated signals
-LEADS, LAGS = 0.1, 0.2  # s, of the torque or position that may explain the reference
-ROWS_PER_LAG = 10  # a filter is one in any part of the record
-RIDGE = 1e-6  # of the power of a lag: there is nothing beyond the pass band of the decimation
-SHORTEST = 5  # leads and lags: in a shorter record anything explains anything
-FILTERED = 0.02  # share of the reference that a filter of the torque leaves, at most
+EXCHANGE_RATE = (
+    100.0  # Hz, about: at it an actuator of 5 … 60 Hz makes the position late enough to be seen
+)
+# Correlation that no position has that follows its command, not even behind an ideal actuator.
+AHEAD = 0.15
+# Standard deviations of the correlation of unrelated signals.
+CHANCE_DEVIATIONS, CERTAIN_DEVIATIONS = 2.0, 4.0
+FILTER_LEADS, FILTER_LAGS = 0.1, 0.2  # s, of the torque or position that may explain the reference
+FILTER_ROWS = 10  # for each lead or lag: a filter is one in any part of the record
+FILTER_RIDGE = (
+    1e-6  # of the power of a lag: there is nothing beyond the pass band of the decimation
+)
+SHORTEST_FILTERED = 5  # leads and lags: in a shorter record anything explains anything
+FILTERED_SHARE = 0.02  # of the reference that a filter of the torque leaves, at most
 BY_POSITION = 0.2  # times what the position leaves of it, at most: without noise it explains a command as well
 BY_BOTH = 0.25  # times as much, at least, is left by torque and position together: a command is made of both
 
@@ -34,8 +42,9 @@ def find_reference_faults(
     name = reference or "reference"
     if name == "position" or name not in trial.trial:
         return []  # without the variable the method says so itself
-    try:  # at about 100 Hz, whatever rate the methods take
-        grid = trial.grid(trial.rate / max(1, round(trial.rate / RATE)), delay)
+    try:
+        factor = max(1, round(trial.rate / EXCHANGE_RATE))
+        grid = trial.grid(trial.rate / factor, delay)
     except DataError:  # of a very short trial the method says so itself
         return []
     exchange = check_exchange(trial, name, grid)
@@ -62,21 +71,15 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     ok = Finding("reference", "ok", f"the position is not ahead of {name}.")
     if grid.samples < 3:
         return ok
-    chance = 1.0 / sqrt(grid.samples)
+    deviation = 1.0 / sqrt(grid.samples)
     # As it was recorded the reference costs nothing, but its aliases can make a position look early.
-    if (
-        _correlate_rates(
-            trial, trial.samples[name][grid.first :: grid.factor][: grid.samples], grid
-        )
-        > -CHANCE * chance
-    ):
+    recorded = trial.samples[name][grid.first :: grid.factor][: grid.samples]
+    if _correlate_rates(trial, recorded, grid) > -CHANCE_DEVIATIONS * deviation:
         return ok
     correlation = _correlate_rates(trial, trial.channel(name, grid), grid)
-    limit = (
-        CHANCE * chance
-        if _explains_more_torque(trial, name, grid)
-        else max(AHEAD, CERTAIN * chance)
-    )
+    limit = max(AHEAD, CERTAIN_DEVIATIONS * deviation)
+    if _explains_more_torque(trial, name, grid):
+        limit = CHANCE_DEVIATIONS * deviation
     if correlation > -limit:
         return ok
     text = (
@@ -84,7 +87,7 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
         f"{correlation:.2g}), but a position comes after its command. Are position and {name} exchanged, or was {name} "
         "recorded late?"
     )
-    return Finding(ok.name, "warning", text)
+    return Finding("reference", "warning", text)
 
 
 def _correlate_rates(trial: PreparedTrial, reference: np.ndarray, grid: Grid) -> float:
@@ -97,11 +100,12 @@ def _correlate_rates(trial: PreparedTrial, reference: np.ndarray, grid: Grid) ->
 
 def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
     """Whether the reference and its derivatives explain more of the torque than the position and its derivatives."""
-    samples, torque = trial.samples[name], trial.channel("torque", grid)
+    samples = trial.samples[name]
     derivatives = [
         decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)
     ]
-    return regress_torque([*derivatives, torque])[-1] > motion_products(trial, grid).explained
+    *_, explained = regress_torque([*derivatives, trial.channel("torque", grid)])
+    return explained > motion_products(trial, grid).explained
 
 
 @once
@@ -120,68 +124,67 @@ def check_filtered_torque(trial: PreparedTrial, name: str, grid: Grid) -> Findin
     A steep low-pass below 5 Hz responds for longer than the leads and lags: it need not be recognised.
     """
     ok = Finding("reference", "ok", f"{name} is no filter of the torque.")
-    leads, lags = round(LEADS * trial.rate / grid.factor), round(LAGS * trial.rate / grid.factor)
-    if grid.samples < SHORTEST * (leads + lags + 1):
+    rate = trial.rate / grid.factor
+    leads = round(FILTER_LEADS * rate)
+    lags = round(FILTER_LAGS * rate)
+    if grid.samples < SHORTEST_FILTERED * (leads + lags + 1):
         return ok
-    torque, reference = trial.channel("torque", grid), trial.channel(name, grid)
+    torque = trial.channel("torque", grid)
+    reference = trial.channel(name, grid)
     by_torque = _unexplained_share([torque], reference, leads, lags)
-    if by_torque > FILTERED:
+    if by_torque > FILTERED_SHARE:
         return ok
     position = trial.motion(grid)[0]
     by_position = _unexplained_share([position], reference, leads, lags)
     by_both = _unexplained_share([torque, position], reference, leads, lags)
     if by_torque > BY_POSITION * by_position or by_both < BY_BOTH * by_torque:
         return ok
-    shares = 100.0 * (1.0 - by_torque), 100.0 * (1.0 - by_position)
     text = (
-        f"{name} is a filter of the torque: leads and lags of the torque explain {shares[0]:.3g} % of it, those of the "
-        f"position {shares[1]:.3g} %. It has the noise of the torque and is no instrument: give the command of the "
-        "servo as reference."
+        f"{name} is a filter of the torque: leads and lags of the torque explain {100.0 * (1.0 - by_torque):.3g} % of "
+        f"it, those of the position {100.0 * (1.0 - by_position):.3g} %. It has the noise of the torque and is no "
+        "instrument: give the command of the servo as reference."
     )
-    return Finding(ok.name, "warning", text)
+    return Finding("reference", "warning", text)
 
 
 def _unexplained_share(
     signals: Sequence[np.ndarray], y: np.ndarray, leads: int, lags: int
 ) -> float:
     """Share of the variance of a signal that leads and lags of others leave, in a part in the middle of the record."""
-    shifts = leads + lags + 1
-    rows = min(y.size - shifts + 1, ROWS_PER_LAG * shifts * len(signals))
-    first = (y.size - shifts + 1 - rows) // 2
-    lagged = np.stack(
-        [signal[first + k : first + k + rows] for signal in signals for k in range(shifts)]
-    )
-    lagged -= lagged.mean(axis=1, keepdims=True)
-    target = y[first + lags : first + lags + rows]
+    taps = leads + lags + 1
+    samples = min(y.size, FILTER_ROWS * taps * len(signals) + leads + lags)
+    first = (y.size - samples) // 2
+    middle = slice(first, first + samples)
+    target = y[middle][lags : samples - leads]
     target = target - target.mean()
-    energy, power = (
-        float(target @ target),
-        np.repeat([np.var(signal) for signal in signals], shifts),
-    )
+    energy = float(target @ target)
     if not energy > 0.0:
         return 1.0
-    gram, products = lagged @ lagged.T + np.diag(RIDGE * rows * power), lagged @ target
-    return 1.0 - float(products @ np.linalg.lstsq(gram, products, rcond=None)[0]) / energy
+    lagged = lag_matrix(np.column_stack([signal[middle] for signal in signals]), leads, lags)
+    lagged = lagged - lagged.mean(axis=0)
+    products = lagged.T @ target
+    power = np.repeat([np.var(signal) for signal in signals], taps)
+    gram = lagged.T @ lagged + np.diag(FILTER_RIDGE * target.size * power)
+    return 1.0 - float(products @ solve_scaled(gram, products)) / energy
 
 
 def check_instrument(
     trials: Sequence[PreparedTrial], records: Sequence[Regressors], delay: float
 ) -> tuple[bool, Finding]:
     """Whether the reference can serve as an instrument."""
-    if records[0].reference is None:
-        advice = (
-            "Record the command of the servo, or name its variable: without it a closed loop cannot be told from an "
-            "open one."
+    name = records[0].reference_name
+    if name is None:
+        text = (
+            "there is none. Record the command of the servo, or name its variable: without it a closed loop cannot be "
+            "told from an open one."
         )
-        return False, Finding("reference", "warning", f"there is none. {advice}")
+        return False, Finding("reference", "warning", text)
     finding = check_reference(records)
     if finding.verdict == "ok":
-        faults = [
-            find_reference_faults(trial, records[0].reference_name, delay) for trial in trials
-        ]
-        first = [next(iter(of_trial), finding) for of_trial in faults]
-        finding = merge_findings(first) if any(faults) else finding
+        faults = [find_reference_faults(trial, name, delay) for trial in trials]
+        if any(faults):
+            finding = merge_findings([next(iter(of_trial), finding) for of_trial in faults])
+    if finding.verdict == "ok":
+        return True, finding
     # Without a reference the recording may still be identified as one in open loop.
-    return finding.verdict == "ok", replace(
-        finding, verdict="ok" if finding.verdict == "ok" else "warning"
-    )
+    return False, replace(finding, verdict="warning")

@@ -122,7 +122,8 @@ def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
 
 def show_results(table: pd.DataFrame, folder: Path) -> None:
     """Show the recommendation, the methods side by side, and where the results of a recording are."""
-    first, valid = table.iloc[0], table[table["valid"]]
+    first = table.iloc[0]
+    valid = table[table["valid"]]
     name = first["recording"]
     echo(f"\n{click.style(name, bold=True)}")
     echo(

@@ -71,7 +71,8 @@ def demo(
     for kind, path in paths.items():
         write_recording(trial, path, kind, overwrite=overwrite)
         echo(f"  {path}")
-    path, results = paths["csv"], output / "results"
+    path = paths["csv"]
+    results = output / "results"
     context.invoke(identify, files=(path,), output=results, overwrite=overwrite)
     table = pd.read_csv(results / f"{path.stem}-parameters.csv")
     for _, row in table[table["recommended"]].iterrows():

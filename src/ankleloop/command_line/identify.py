@@ -89,29 +89,26 @@ def identify(
 
     folder = output or Path("ankleloop-results" if len(files) > 1 else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
-    fields, recordings, words = (
-        _parse_options([*named, *options]),
-        name_recordings(files),
-        context.obj,
-    )
+    fields = _parse_options([*named, *options])
+    recordings = name_recordings(files)
     if not overwrite:
         analysis.refuse_results(folder, recordings)
-    studies, tables = [], []
+    studies = []
     for name, path in recordings.items():
         try:
             recording = map_file(path, **values)
         except DataError:  # its page says why
             recording = Recording(file=path.name)
         studies.append(analysis.make_study(name, path, recording, methods, fields))
+    tables = []
     for study, path in zip(studies, recordings.values(), strict=True):
         with show_progress():
             table = analysis.identify_recording(study, folder)
         analysis.show_results(table, folder)
-        if table["verdict"].iloc[0] == "refused":
-            others = {str(file) for file in files if file != path}
-            show_correction(
-                table["reasons"].iloc[0], [word for word in words if word not in others]
-            )
+        others = {str(file) for file in files if file != path}
+        words = [word for word in context.obj if word not in others]
+        texts = table.filter(["reasons", "warnings"]).to_numpy().ravel()
+        show_correction(" ".join(map(str, texts)), words)
         tables.append(table)
     page = (
         analysis.write_summary(tables, folder) if len(files) > 1 else folder / f"{study.name}.html"

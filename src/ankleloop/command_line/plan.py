@@ -9,7 +9,7 @@ import click
 
 from ankleloop.command_line.check import check_file
 from ankleloop.command_line.reading import FILE, map_file, reading_options
-from ankleloop.command_line.terminal import echo, show_error
+from ankleloop.command_line.terminal import echo, show_correction, show_error
 from ankleloop.options import check_number
 
 HELP = "Half-width of a 95 % interval over the value: of K, B, I, G, omega_n or zeta; several times for several."
@@ -57,14 +57,16 @@ def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
     from ankleloop.experiments.duration import plan_duration
     from ankleloop.methods.registry import identify
 
+    words = click.get_current_context().obj
     trial, result = check_file(file, map_file(file, **values))
     if trial is None or result.verdict == "refused" or "riv" not in result.methods:
         text = (
             " ".join(result.reasons)
             or "riv is not valid for this recording: record the command of the servo."
         )
-        show_error(text, click.get_current_context().obj)
+        show_error(text, words)
         return 1
     pilot = identify(trial, "riv", **result.methods["riv"])
     echo(f"\n{pilot!r}\n\n{plan_duration(pilot, widths)}")
+    show_correction(" ".join(pilot.diagnostics["warnings"]), words)
     return 0

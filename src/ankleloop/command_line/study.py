@@ -20,7 +20,7 @@ from ankleloop.command_line.reading import (
     name_recordings,
     reading_options,
 )
-from ankleloop.command_line.terminal import echo, refuse_existing, show_next
+from ankleloop.command_line.terminal import echo, find_options, refuse_existing, show_next
 from ankleloop.options import suggest_name
 
 ALWAYS = {"position", "torque", "reference", "position_unit", "sampling_rate", "torque_sign"}
@@ -103,16 +103,18 @@ def _describe_recordings(
     from ankleloop.recordings.validity import usual_methods
 
     folder = Path(os.path.commonpath([file.absolute().parent for file in files]))
-    recordings, described, remarks = [], {}, []
+    recordings = []
+    described = {}
+    remarks = []
     for name, file in name_recordings(files).items():
         recording = map_file(file, **values)
         _, check = check_file(file, recording)
-        if values.get("torque_sign") is None and "torque_sign: -1" in " ".join(check.reasons):
+        asked = find_options(" ".join(check.reasons))
+        if values.get("torque_sign") is None and "--torque-sign" in asked:
             recording = recording.model_copy(update={"torque_sign": -1})
-            remarks.append(
-                f"{name}: torque_sign is -1: as the file has it, the torque does not oppose stretch."
-            )
-            echo(remarks[-1])
+            remark = f"{name}: torque_sign is -1: as the file has it, the torque does not oppose stretch."
+            remarks.append(remark)
+            echo(remark)
             _, check = check_file(file, recording)
         remarks += [
             f"{name}: {f.verdict}, {f.name}: {f.text}" for f in check.findings if f.verdict != "ok"
@@ -131,9 +133,8 @@ def _describe_recordings(
         for key, method in usual_methods(reference=has_reference, changing=changing).items():
             stated = {name: value for name, value in method.items() if value}
             if methods.setdefault(key, stated) != stated:
-                methods[f"{key}-no-reference"] = stated | {
-                    "label": f"{method['label']} (no reference)"
-                }
+                label = f"{method['label']} (no reference)"
+                methods[f"{key}-no-reference"] = {**stated, "label": label}
     settings = {
         "kind": "recordings",
         "title": "Recordings",

@@ -8,22 +8,30 @@ from typing import Any
 
 import numpy as np
 
-from ankleloop.checks.channels import VERDICTS, Finding, merge_findings
-from ankleloop.checks.data import check_signals, refuse_repeated_trials
+from ankleloop.checks.data import (
+    check_signals,
+    rectifier_regressors,
+    refuse_repeated_trials,
+)
+from ankleloop.checks.findings import VERDICTS, Finding, merge_findings, name_trial
 from ankleloop.checks.loop import check_loop, path_bias
 from ankleloop.checks.movement import (
     check_excitation,
     check_sign,
-    check_signs_by_reference,
     motion_products,
+    project_records,
+    regress_torque_by_reference,
+    turned_signs,
 )
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
 from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import prepare
+from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import KnownDelayOptions, Trial
 from ankleloop.options import option, show_fields
 from ankleloop.recordings.validity import describe_validity, valid_methods
+from ankleloop.signals.responses import ReferenceProjection
 
 
 @dataclass(frozen=True)
@@ -118,61 +126,76 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     ('ok', 'closed', True)
     """
     values = CheckOptions.parse("check_trial", **options)
-    reference, delay, rate = values.reference, values.delay, values.identification_rate
     parts: Any = trial if isinstance(trial, (list, tuple)) else [trial]
     if not parts:
         raise DataError("there are no trials to check.")
-    prepared = [prepare(part) for part in parts]
-    refuse_repeated_trials(prepared)
-    length = check_length([part.trial for part in prepared], rate)
+    trials = [prepare(part) for part in parts]
+    refuse_repeated_trials(trials)
+    length = check_length([part.trial for part in trials], values.identification_rate)
     if length.verdict == "refused":
         return Check([length], "undecided", {})
-    name = (
-        reference
-        if reference != "position" and all(reference in part.trial for part in prepared)
-        else None
-    )
-    records = []
     try:
-        for part in prepared:
-            records.append(
-                part.regressors(
-                    delay=delay, basis="rectifier", identification_rate=rate, reference=name
-                )
-            )
+        records = _make_records(trials, values)
     except DataError as error:
-        place = f"trial {len(records) + 1} of {len(prepared)}: " if len(prepared) > 1 else ""
-        return Check([length, Finding("signals", "refused", f"{place}{error}")], "undecided", {})
+        return Check([length, Finding("signals", "refused", str(error))], "undecided", {})
     signals = [
-        check_signals(part, record.grid, delay)
-        for part, record in zip(prepared, records, strict=True)
+        check_signals(part, record.grid, values.delay)
+        for part, record in zip(trials, records, strict=True)
     ]
-    usable, strength = check_instrument(prepared, records, delay)
-    loop, feedback = check_loop(records, usable)
-    motions = (
-        motion_products(part, record.grid) for part, record in zip(prepared, records, strict=True)
-    )
-    signs = [check_sign(motion.stiffness, motion.explained) for motion in motions]
-    if usable and loop != "open":  # least squares may be off by torque that is fed back
-        signs = check_signs_by_reference(records)
-    sign = merge_findings(signs)
+    usable, strength = check_instrument(trials, records, values.delay)
+    projection = project_records(records) if usable else None
+    loop, feedback = check_loop(records, projection)
+    sign = _check_sign(trials, records, projection if loop != "open" else None)
+    velocities = [record.inputs[:, 1] for record in records]
     findings = [
         length,
         *map(merge_findings, zip(*signals, strict=True)),
         sign,
         merge_findings([check_coherence(record) for record in records]),
-        check_excitation(
-            [record.inputs[:, 1] for record in records], values.order, values.block_rows
-        ),
+        check_excitation(velocities, values.order, values.block_rows),
         merge_findings([check_drift(record) for record in records]),
         strength,
     ]
     spectra = estimate_spectra(records)
     if sign.verdict == "refused":  # loop and methods rest on it
         return Check(findings, "undecided", {}, spectra, usable)
-    bias, merged = path_bias(records), len(records) > 1
+    bias = path_bias(records)
+    merged = len(records) > 1
     validity = describe_validity(loop, usable, bias, merged=merged)
     findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
-    return Check(
-        findings, loop, valid_methods(loop, usable, bias, merged=merged), spectra, usable, bias
-    )
+    methods = valid_methods(loop, usable, bias, merged=merged)
+    return Check(findings, loop, methods, spectra, usable, bias)
+
+
+def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> list[Regressors]:
+    """Regressors of all trials, with the reference if all have it; an error has the number of its trial."""
+    name: str | None = options.reference
+    if name == "position" or not all(name in trial.trial for trial in trials):
+        name = None
+    records = []
+    for number, trial in enumerate(trials, 1):
+        try:
+            record = rectifier_regressors(trial, options.delay, options.identification_rate, name)
+        except DataError as error:
+            raise DataError(f"{name_trial(number, len(trials))}{error}") from None
+        records.append(record)
+    return records
+
+
+def _check_sign(
+    trials: Sequence[PreparedTrial],
+    records: Sequence[Regressors],
+    projection: ReferenceProjection | None,
+) -> Finding:
+    """Sign of the torque; by what the reference explains where least squares may be off by torque that is fed back."""
+    if projection is not None:
+        fits = regress_torque_by_reference(projection)
+    else:
+        pairs = zip(trials, records, strict=True)
+        motions = [motion_products(trial, record.grid) for trial, record in pairs]
+        fits = [(motion.stiffness, motion.explained) for motion in motions]
+    signs = [
+        check_sign(stiffness, explained, turned_signs(trial.trial)["torque_sign"])
+        for trial, (stiffness, explained) in zip(trials, fits, strict=True)
+    ]
+    return merge_findings(signs)

@@ -118,10 +118,37 @@ def test_messages_name_the_command(capsys, message, options):
     )
 
 
-def test_a_sign_that_was_turned_is_turned_back(capsys):
-    show_correction(
-        "Set torque_sign: -1 (turn round the torque)", ["check", "a.csv", "--torque-sign", "-1"]
-    )
-    assert (
-        capsys.readouterr().err == "next: ankleloop check a.csv --torque-sign -1 --torque-sign 1\n"
-    )
+TURNED = "Set torque_sign: {} (turn round the torque)"
+REVERSED = "give position_sign={}, torque_sign={} to read_trial."
+
+
+@pytest.mark.parametrize(
+    ("words", "message", "options"),
+    [
+        ([], TURNED.format(-1), "--torque-sign -1"),
+        (["--torque-sign", "-1"], TURNED.format(1), "--torque-sign 1"),
+        (["--torque-sign=-1", "--drift", "1"], TURNED.format(1), "--drift 1 --torque-sign 1"),
+        ([], REVERSED.format(-1, -1), "--position-sign -1 --torque-sign -1"),
+        (
+            ["--torque-sign", "-1", "--drift", "1"],
+            REVERSED.format(-1, 1),
+            "--drift 1 --position-sign -1 --torque-sign 1",
+        ),
+        (["--start", "5"], "take a shorter part (start, stop).", "--start S --stop S"),
+    ],
+)
+def test_a_corrected_command_has_each_option_once(capsys, words, message, options):
+    show_correction(message, ["check", "a.csv", *words])
+    assert capsys.readouterr().err == f"next: ankleloop check a.csv {options}\n"
+
+
+def test_a_reader_that_has_seen_enough_is_no_failure(recording):
+    """As `head` in a pipe: the exit status is that of the recording."""
+    command = [sys.executable, "-m", "ankleloop", "check", str(recording)]
+    pipe = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipe) as process:
+        process.stdout.close()
+        errors = process.stderr.read()
+    assert process.returncode == 0
+    assert "next: ankleloop identify" in errors
+    assert "Error" not in errors

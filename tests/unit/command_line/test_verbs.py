@@ -4,6 +4,7 @@ import logging
 import os
 import re
 import runpy
+import shlex
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from ankleloop import identify, load_estimate, new_trial, plan_duration, save_trial, simulate
+from ankleloop import identify, load_estimate, plan_duration, save_trial, simulate
 from ankleloop.command_line.analysis import make_study
 from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.reading import map_file
@@ -34,12 +35,10 @@ ROOT = Path(__file__).parents[3]
 SCRIPTS = ROOT / "workflow" / "scripts"
 
 
-def turned(trial, path):
-    """The trial with its torque turned round, as a file."""
-    signals = (trial.position, -trial.torque, trial.attrs["sampling_rate"], trial.reference)
-    write_recording(
-        new_trial(*(getattr(signal, "values", signal) for signal in signals)), path, "hdf5"
-    )
+def turned(trial, path, *names):
+    """The trial with some channels turned round, by default its torque, as a file."""
+    names = names or ("torque",)
+    write_recording(trial.assign({name: -trial[name] for name in names}), path, "hdf5")
     return path
 
 
@@ -69,6 +68,26 @@ def test_check_refuses_a_file_that_is_damaged(run, tmp_path):
     result = run("check", tmp_path / "a.mat")
     assert result.status == 1
     assert result.err.startswith("error: a.mat: not a readable .mat file")
+
+
+@pytest.mark.parametrize(
+    ("channels", "signs", "corrected"),
+    [
+        (["torque"], [], ["--torque-sign", "-1"]),
+        (["position", "reference"], [], ["--torque-sign", "-1"]),
+        ([], ["--torque-sign", "-1"], ["--torque-sign", "1"]),
+        ([], ["--position-sign", "-1"], ["--position-sign", "-1", "--torque-sign", "-1"]),
+    ],
+)
+def test_check_corrects_the_sign_of_the_torque(run, trial, tmp_path, channels, signs, corrected):
+    path = turned(trial, tmp_path / "a.h5", *channels) if channels else tmp_path / "a.h5"
+    if not channels:
+        write_recording(trial, path, "hdf5")
+    result = run("check", path, *signs)
+    assert result.status == 1
+    command = ["ankleloop", "check", str(path), *corrected]
+    assert f"next: {shlex.join(command)}\n" in result.err
+    assert run(*command[1:]).status == 0
 
 
 # --- plan
@@ -319,6 +338,17 @@ def test_a_joint_that_changes(run, tmp_path):
     study = yaml.safe_load((tmp_path / "mine.yaml").read_text(encoding="utf-8"))["studies"]["mine"]
     assert study["files"]["a"]["cycle_onsets"] == "gait"
     assert study["methods"]["riv-tv"]["method"] == "riv-tv"
+
+
+def test_identify_corrects_an_axis_that_is_turned_round(run, trial, tmp_path):
+    """Its stiffness is positive, but the rectifier sees the wrong half: the corrected command is ready to copy."""
+    path = turned(trial, tmp_path / "a.h5", "position", "reference")
+    options = ["--method", "riv", "--option", "riv.basis=rectifier", "--output", f"{tmp_path}/out"]
+    result = run("identify", path, "--torque-sign", "-1", *options)
+    corrected = ["--position-sign", "-1", "--torque-sign", "1"]
+    command = ["ankleloop", "identify", str(path), *options, *corrected]
+    assert f"next: {shlex.join(command)}\n" in result.err
+    assert run("check", path, *corrected).status == 0
 
 
 # --- study

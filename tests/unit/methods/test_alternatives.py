@@ -54,6 +54,21 @@ def test_what_an_instrument_does_to_a_record_is_a_warning(trial, effect, method,
         assert effect in text
 
 
+@pytest.mark.parametrize("settings", [{}, {"load": (0.1, 10.0, 100.0)}])
+@pytest.mark.parametrize(("method", "options"), [("riv", {}), ("riv-tv", CYCLES)])
+def test_an_axis_that_is_turned_round_names_the_signs_of_the_file(method, options, settings):
+    """Position and torque with the other sign: the rectifier sees the wrong half."""
+    trial = rebuild(simulate(seed=21, **settings), sign=-1.0)
+    for signs, words in (
+        ({}, "position_sign=-1, torque_sign=-1 to read_trial"),
+        ({"torque_sign": -1}, "position_sign=-1, torque_sign=1 to read_trial"),
+        ({"position_sign": -1, "torque_sign": -1}, "position_sign=1, torque_sign=1 to read_trial"),
+    ):
+        (text,) = identify(trial.assign_attrs(signs), method, **options).diagnostics["warnings"]
+        assert "in the other direction" in text
+        assert f"if the axis is turned round, give {words}" in text
+
+
 @pytest.mark.parametrize(
     ("effect", "name", "truth"),
     [("ms after the position", "I", 0.015), ("high-pass of 0.", "G", 13.0)],

@@ -77,6 +77,18 @@ def test_the_sign_is_detected(closed):
         assert not {"loop", "methods"} & {finding.name for finding in flipped.findings}
 
 
+@pytest.mark.parametrize("closed_loop", [True, False])
+def test_the_sign_that_is_set_is_that_of_the_file(closed_loop):
+    """What turns the torque round is the opposite of the sign that the trial was read with."""
+    trial = simulate(seed=1, duration=20.0, closed_loop=closed_loop)
+    turned = trial.assign(torque=-trial["torque"]).assign_attrs(torque_sign=-1)
+    assert "Set torque_sign: 1 (" in find(check_trial(turned), "sign of the torque").text
+    (text,) = identify(turned, "riv").diagnostics["data_warnings"]
+    assert "Set torque_sign: 1 (" in text
+    both = check_trial([turned, simulate(seed=2, duration=20.0, closed_loop=closed_loop)])
+    assert "trial 1 of 2: " in find(both, "sign of the torque").text
+
+
 def test_feedback_is_not_taken_for_a_wrong_sign():
     """Least squares gives a negative viscosity here, although the torque has the right sign."""
     trial = simulate(seed=5, load=(0.1, 10.0, 100.0), reflex_gain=25.0, voluntary=1.0)

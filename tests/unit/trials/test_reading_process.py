@@ -136,6 +136,15 @@ def test_a_reader_that_the_system_kills_says_nothing_about_the_file(tmp_path, re
             read(write_mat(tmp_path / "a.mat"))
 
 
+@pytest.fixture
+def _interruptible():
+    """Interrupts raise an error, also in a background job, which ignores them."""
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, handler)
+
+
+@pytest.mark.usefixtures("_interruptible")
 def test_ctrl_c_leaves_no_half_answer(tmp_path, replace_reader):
     replace_reader("time.sleep(3)")
     bad, good = write_mat(tmp_path / "a.mat"), write_mat(tmp_path / "b.mat")

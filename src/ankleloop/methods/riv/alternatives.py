@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ankleloop.checks.movement import turned_signs
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
@@ -43,7 +45,7 @@ EFFECTS = {
     ),
     "direction": (
         "a reflex gain of {:.3g} N·m·s/rad in the other direction",
-        "turn all signs if they are reversed",
+        "if the axis is turned round, give position_sign={position_sign}, torque_sign={torque_sign} to read_trial",
     ),
     "compression": (
         "a torque that is flat where it is large",
@@ -81,7 +83,9 @@ class Alternative:
         return max(map(abs, self.shifts.values()))
 
 
-def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) -> Estimate:
+def add_alternatives(
+    estimate: Estimate, alternatives: Iterable[Alternative], trial: PreparedTrial
+) -> Estimate:
     """The estimate with the effects that its model lacks, the most significant one first.
 
     Intervals take in how far this one moves a parameter. Where any of them moves one by a fifth there is a warning.
@@ -100,9 +104,10 @@ def add_alternatives(estimate: Estimate, alternatives: Iterable[Alternative]) ->
     least, most = QUANTITIES["delay"].plausible
     for a in shown:
         if a.largest_shift > LARGEST_SHIFT or (a.effect == "delay" and not least < a.value < most):
+            remedy = EFFECTS[a.effect][1].format(**turned_signs(trial.trial))
             estimate.diagnostics["warnings"].append(
                 f"the model lacks something that depends on the movement. {a.text[0].upper()}{a.text[1:]} explains "
-                f"much of it and moves {format_shifts(a.shifts)}: {EFFECTS[a.effect][1]}."
+                f"much of it and moves {format_shifts(a.shifts)}: {remedy}."
             )
             break
     return estimate

@@ -124,9 +124,9 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
             ]
             solution = _solve(trial, options, estimate_delay=False)
     estimate = _estimate(trial, solution, options, assumptions)
-    return (
-        add_alternatives(estimate, find_alternatives(solution)) if solution.converged else estimate
-    )
+    if not solution.converged:
+        return estimate
+    return add_alternatives(estimate, find_alternatives(solution), trial)
 
 
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:

@@ -74,7 +74,7 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     if last.effect == "delay" and last.significant:  # one step is too short for a delay
         freed = _solve(trial, options.model_copy(update={"delay": None}))
         last = replace(last, value=freed.delay, shifts=compute_shifts(solution.means, freed.means))
-    return add_alternatives(estimate, [*others, last])
+    return add_alternatives(estimate, [*others, last], trial)
 
 
 def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
