@@ -194,6 +194,17 @@ def fit_finite_response(
     return taps[shifts]
 
 
+def apply_response(taps: np.ndarray, x: np.ndarray, leads: int) -> np.ndarray:
+    """What a response explains of a signal, at all samples of its source.
+
+    The source counts less its mean, so that it is zero beyond its ends.
+
+    Shapes: taps (leads + lags + 1,), x (N,); returns (N,).
+    """
+    response = convolve(x - x.mean(), taps)
+    return response[leads : leads + x.size]
+
+
 def predict_decimated(
     y: np.ndarray, reference: np.ndarray, grid: tuple[int, int, int], rate: float
 ) -> np.ndarray:
@@ -208,7 +219,5 @@ def predict_decimated(
     recorded_taps = np.zeros(factor * (taps.size - 1) + 1)
     recorded_taps[::factor] = taps
     lowpass, half = decimation_taps(factor, 0)
-    first = half + factor * round(LEADS * rate / factor)
-    return convolve(reference - reference.mean(), convolve(recorded_taps, lowpass))[first:][
-        : reference.size
-    ]
+    leads = half + factor * round(LEADS * rate / factor)
+    return apply_response(convolve(recorded_taps, lowpass), reference, leads)
