@@ -20,7 +20,7 @@ def solve_trial(trial, weighting="noise"):
     regressors = trial.regressors(
         delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference"
     )
-    equations = Equations(trial, regressors, weighting)
+    equations = Equations.of(trial, regressors, weighting)
     return solve(equations, equations.find_start(2, estimate_delay=False))
 
 
@@ -35,7 +35,7 @@ def newey_west(scores, lags):
 
 def test_scores_sum_to_the_left_side():
     """At the start, where it is not zero; flat weights do not depend on the residual."""
-    point = solve_trial(simulate(seed=1, duration=20.0), "flat").path[0]
+    point = solve_trial(simulate(seed=1, duration=20.0), "flat").points[0]
     np.testing.assert_allclose(time_scores(point).sum(axis=1), point.side, rtol=1e-9)
 
 
