@@ -37,7 +37,7 @@ EFFECTS = {
     "delay": Effect(
         "a reflex delay of {:.3g} ms", "give no delay, so that it is estimated", factor=1e3
     ),
-    "order": Effect("a third pole of the reflex at {:.3g} rad/s", "take order=3"),
+    "pole": Effect("a third pole of the reflex at {:.3g} rad/s", "take order=3"),
     "lag": Effect(
         "a torque recorded {:.2g} ms {} the position",
         "record both through equal filters",
@@ -95,13 +95,6 @@ class Alternative:
         """Largest of the shifts."""
         return max(map(abs, self.shifts.values()))
 
-    @property
-    def needs_warning(self) -> bool:
-        """Whether a parameter moves by a fifth, or the delay is not that of a stretch reflex."""
-        shortest, longest = QUANTITIES["delay"].plausible
-        is_late = self.effect == "delay" and not shortest < self.value < longest
-        return is_late or self.largest_shift > LARGEST_SHIFT
-
 
 def select_alternatives(alternatives: Iterable[Alternative]) -> list[Alternative]:
     """Those that the record shows and that move a parameter, the most significant one first."""
@@ -120,11 +113,11 @@ def widen_intervals(
 ) -> dict[str, tuple[float, float]]:
     """Intervals that hold the values with the first alternative, too."""
     widened = dict(intervals)
-    for alternative in alternatives[:1]:
-        for name in alternative.shifts.keys() & intervals.keys():
-            low, high = intervals[name]
-            moved = values[name] * (1.0 + alternative.shifts[name])
-            widened[name] = (min(low, moved), max(high, moved))
+    shifts = alternatives[0].shifts if alternatives else {}
+    for name in shifts.keys() & intervals.keys():
+        moved = values[name] * (1.0 + shifts[name])
+        ends = (*intervals[name], moved)
+        widened[name] = (min(ends), max(ends))
     return widened
 
 
@@ -140,13 +133,15 @@ def describe_alternatives(alternatives: Sequence[Alternative]) -> dict[str, Any]
 
 
 def warn_of_alternatives(alternatives: Sequence[Alternative]) -> list[str]:
-    """Warning about the first one that is more than a matter of intervals."""
+    """Warning about the first one that moves a parameter by a fifth, or is the delay of no stretch reflex."""
+    shortest, longest = QUANTITIES["delay"].plausible
     for alternative in alternatives:
-        if alternative.needs_warning:
-            text = alternative.text[0].upper() + alternative.text[1:]
+        other_delay = alternative.effect == "delay" and not shortest < alternative.value < longest
+        if other_delay or alternative.largest_shift > LARGEST_SHIFT:
+            text = alternative.text
             return [
-                f"the model lacks something that depends on the movement. {text} explains much of it and moves "
-                f"{format_shifts(alternative.shifts)}: {EFFECTS[alternative.effect].remedy}."
+                f"the model lacks something that depends on the movement. {text[0].upper()}{text[1:]} explains "
+                f"much of it and moves {format_shifts(alternative.shifts)}: {EFFECTS[alternative.effect].remedy}."
             ]
     return []
 
@@ -196,11 +191,10 @@ def _free_effect(effect: str, solution: Search) -> Alternative:
     for _ in range(1 if effect == "compression" else EFFECT_ROUNDS):
         derivatives = _differentiate(effect, freed.point, origin)
         size += _step(freed, *derivatives)[0]
+        torque = origin.torque - size * derivatives[0]
         if effect == "lag":
             torque = origin.torque * np.exp(origin.band.s * size)
-        else:
-            torque = origin.torque - size * derivatives[0]
-        freed = solve(replace(origin, torque=torque), freed.point.parameters)
+        freed = solve(origin.with_torque(torque), freed.point.parameters)
     shifts = compute_shifts(solution.point.values, freed.point.values)
     return replace(alternative, value=size, shifts=shifts)
 
@@ -249,13 +243,10 @@ def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tu
 def _free_delay(solution: Search) -> list[Alternative]:
     """The solution with the delay as an unknown, where there is one that a stretch reflex can have."""
     freed = solve(solution.equations, replace(solution.point.parameters, delays=("delay",)))
-    values = freed.point.values
     shortest, longest = STRETCH_DELAY
-    if not freed.converged or not shortest < values["delay"] < longest:
+    if not freed.converged or not shortest < freed.point.values["delay"] < longest:
         return []
-    score = freed.point.parameters.shift / _last_error(freed)
-    shifts = compute_shifts(solution.point.values, values)
-    return [Alternative("delay", values["delay"], score, shifts)]
+    return [_compare(solution, freed, "delay", freed.point.parameters.shift)]
 
 
 def _free_pole(solution: Search) -> list[Alternative]:
@@ -265,12 +256,13 @@ def _free_pole(solution: Search) -> list[Alternative]:
     freed = solve(solution.equations, replace(parameters, dynamics=dynamics))
     if not freed.converged or "pole" in freed.held:
         return []
+    # The error of the logarithm of the pole is the relative one of its time constant.
+    return [_compare(solution, freed, "pole", 1.0)]
+
+
+def _compare(solution: Search, freed: Search, unknown: str, size: float) -> Alternative:
+    """A solution with one more unknown, the last one, whose size has the same unit as its error."""
     values = freed.point.values
-    score = 1.0 / _last_error(freed)  # that of the time constant of the pole
+    error = float(np.sqrt(freed.point.covariance(freed.free)[-1, -1]))
     shifts = compute_shifts(solution.point.values, values)
-    return [Alternative("order", values["pole"], score, shifts)]
-
-
-def _last_error(solution: Search) -> float:
-    """Standard error of the last unknown."""
-    return float(np.sqrt(solution.point.covariance(solution.free)[-1, -1]))
+    return Alternative(unknown, values[unknown], size / error, shifts)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 from scipy import special
@@ -16,7 +16,7 @@ from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.methods.riv.start import fit_grid, make_grid
 from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
-from ankleloop.signals.spectra import Band, pass_band
+from ankleloop.signals.spectra import pass_band
 
 NOISE_RESOLUTION = 0.4  # Hz
 POWER_FLOOR = 1e-12  # of the largest power of the noise
@@ -238,64 +238,33 @@ class Point:
         return slope
 
 
-@dataclass(frozen=True, eq=False)
 class Equations:
-    """Spectra of torque, measured and predicted inputs of a trial, and the equations between them."""
+    """Spectra of the measured and of the predicted inputs of a trial, and the equations between them."""
 
-    regressors: Regressors
-    predicted_inputs: (
-        np.ndarray
-    )  # shape (N, 3 + k): as those of the regressors, of the reference alone
-    weighting: str  # "noise" or "flat"
-    # Spectra, shapes (frequencies,) and (3 + k, frequencies); in open loop the predicted inputs are the measured ones.
-    torque: np.ndarray
-    measured: np.ndarray
-    predicted: np.ndarray
+    def __init__(self, trial: PreparedTrial, regressors: Regressors, weighting: str) -> None:
+        self.regressors = regressors
+        self.weighting = weighting  # "noise" or "flat"
+        self.delay = regressors.delay  # of the inputs [s]
+        self.band = pass_band(regressors.torque.size, regressors.rate)
+        # From this pole on none can be told from a delay [rad/s].
+        self.pole_limit = FASTEST_POLE * self.band.highest
+        # Variance of the smoothed spectrum over its square; zero for flat weights.
+        self.smoothing_variance = 0.0
+        if weighting == "noise":
+            self.smoothing_variance = self.band.smoothing_variance(NOISE_RESOLUTION)
+        self.torque = self.band.transform(regressors.torque)
+        self.measured = self.band.transform(regressors.inputs.T)
+        self.predicted = self.measured
+        self.predicted_inputs = trial.predict_inputs(regressors)
+        self.open_loop = self.predicted_inputs is regressors.inputs
+        if not self.open_loop:
+            self.predicted = self.band.transform(self.predicted_inputs.T)
 
-    @classmethod
-    def of(cls, trial: PreparedTrial, regressors: Regressors, weighting: str) -> Self:
-        """Those of a trial."""
-        band = pass_band(regressors.torque.size, regressors.rate)
-        predicted_inputs = trial.predict_inputs(regressors)
-        measured = band.transform(regressors.inputs.T)
-        predicted = measured
-        if predicted_inputs is not regressors.inputs:
-            predicted = band.transform(predicted_inputs.T)
-        return cls(
-            regressors=regressors,
-            predicted_inputs=predicted_inputs,
-            weighting=weighting,
-            torque=band.transform(regressors.torque),
-            measured=measured,
-            predicted=predicted,
-        )
-
-    @property
-    def open_loop(self) -> bool:
-        """Whether the position is its own reference."""
-        return self.predicted is self.measured
-
-    @property
-    def delay(self) -> float:
-        """Delay of the inputs [s]."""
-        return float(self.regressors.delay)
-
-    @cached_property
-    def band(self) -> Band:
-        """Band of the spectra."""
-        return pass_band(self.regressors.torque.size, self.regressors.rate)
-
-    @property
-    def pole_limit(self) -> float:
-        """Pole from which on none can be told from a delay [rad/s]."""
-        return FASTEST_POLE * self.band.highest
-
-    @cached_property
-    def smoothing_variance(self) -> float:
-        """Variance of the smoothed spectrum over its square; zero for flat weights."""
-        if self.weighting == "flat":
-            return 0.0
-        return self.band.smoothing_variance(NOISE_RESOLUTION)
+    def with_torque(self, torque: np.ndarray) -> Equations:
+        """The equations for another spectrum of the torque, shape (frequencies,)."""
+        equations = copy(self)
+        equations.torque = torque
+        return equations
 
     def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
         """Smoothed periodogram, shape (frequencies,)."""

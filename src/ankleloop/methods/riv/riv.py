@@ -123,7 +123,7 @@ def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -
     inputs = options.model_dump(include={*INPUTS, "reference"})
     inputs["basis"] = options.basis or "rectifier"
     inputs["delay"] = NOMINAL_DELAY if options.delay is None else options.delay
-    equations = Equations.of(trial, trial.regressors(**inputs), options.weighting)
+    equations = Equations(trial, trial.regressors(**inputs), options.weighting)
     return solve(equations, equations.find_start(options.order, estimate_delay=estimate_delay))
 
 

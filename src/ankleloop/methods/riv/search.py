@@ -38,15 +38,17 @@ def solve(equations: Equations, start: Parameters) -> Search:
     does not converge, the point with the smallest merit is returned.
     """
     search = Search(equations, start)
-    while search.lasts(MOST_REFINEMENTS) and search.refine():
+    points = search.points
+    while len(points) <= MOST_REFINEMENTS and not search.finished and search.refine():
         pass
     if not search.finished:
-        search.begin_again()
-    while search.lasts(MOST_ITERATIONS) and search.advance():
+        search.first = len(points)
+        search.accept(points[int(np.argmin(search.merits))])
+    while len(points) <= MOST_ITERATIONS and not search.finished and search.advance():
         if search.point.pole_out_of_band:
             break
     if not search.finished:
-        search.point = min(search.points, key=lambda point: point.merit(search.free))
+        search.point = min(points, key=lambda point: point.merit(search.free))
     return search
 
 
@@ -76,15 +78,6 @@ class Search:
         self.free = np.flatnonzero([name not in self.held for name in point.names])
         self.points.append(point)
         self.merits.append(point.merit(self.free))
-
-    def lasts(self, iterations: int) -> bool:
-        """Whether the search has not finished after this number of iterations."""
-        return len(self.points) <= iterations and not self.finished
-
-    def begin_again(self) -> None:
-        """Begin a new filter at the best of all points."""
-        self.first = len(self.points)
-        self.accept(self.points[int(np.argmin(self.merits))])
 
     def refine(self) -> bool:
         """Solve the equations for the present weights and instruments; false if this does not lower their left side."""

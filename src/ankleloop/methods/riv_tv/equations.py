@@ -154,8 +154,7 @@ class TimeVaryingEquations:
     @cached_property
     def _unweighted(self) -> Whitener:
         """Makes signals of spectra without weights."""
-        frequencies = self.transform.frequency.size
-        return self.whitener(Weighting(self.transform, self.course.rows, np.ones(frequencies)))
+        return self.whitener(Weighting(self.transform, self.course.rows))
 
     def system(self, parameters: Parameters, whitener: Whitener) -> WhitenedSystem:
         """Whitened system at some parameters."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import xarray as xr
 
 from ankleloop.checks.course import check_slow_movement, refuse_locked_perturbation
 from ankleloop.joint.estimate import Estimate
@@ -27,12 +26,7 @@ from ankleloop.methods.riv.riv import estimate_intervals
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
-from ankleloop.methods.riv_tv.solution import (
-    TimeVaryingSolution,
-    Trajectory,
-    solve_time_varying,
-)
-from ankleloop.quantities import STIFFNESS
+from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
@@ -127,20 +121,26 @@ def _estimate(
     """Torques, trajectories with their bands, and means over the record."""
     equations = solution.equations
     course = equations.course
-    parameters = solution.parameters
-    trajectories = solution.find_trajectories(np.linspace(0.0, 1.0, PLACES))
+    dynamics = solution.parameters.dynamics.values
+    places = np.linspace(0.0, 1.0, PLACES)
     coordinate = np.linspace(*course.limits, PLACES)
+    curves = solution.find_trajectories(places)
     model = _make_model(trial, solution, options)
     means = solution.means
-    values = {**means, "delay": solution.delay, **parameters.dynamics.values}
+    reflex = {"delay": solution.delay, "G": means.pop("G"), **dynamics}
+    values = {**means, **reflex}
     intervals: dict[str, tuple[float, float]] = {}
     if solution.converged:
         intervals = estimate_intervals(values, solution.deviations, solution.quantile)[1]
+    unit = ""
+    if options.schedule:
+        unit = str(trial.trial[options.schedule].attrs.get("units", ""))
+    schedule = {"variable": options.schedule or "", "variable_unit": unit}
     return Estimate(
         method="riv-tv",
         torque=model.torques(trial, equations.grid, course.place),
-        stiffness={name: means[name] for name in STIFFNESS},
-        reflex={"delay": solution.delay, "G": means["G"], **parameters.dynamics.values},
+        stiffness=means,
+        reflex=reflex,
         intervals=widen_intervals(intervals, values, alternatives),
         diagnostics={
             "order": options.order,
@@ -148,19 +148,17 @@ def _estimate(
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
             "variation_p": solution.variation_p,
-            "excitation": {name: curve.excitation for name, curve in trajectories.items()},
-            "torque_lag": parameters.lag,
+            "excitation": solution.find_excitation(places),
+            "torque_lag": solution.parameters.lag,
             "reference": options.reference,
             **describe_alternatives(alternatives),
             "warnings": [
-                *_warn_of_movement(trial, solution),
-                *_warn_of_excitation(course.dimension, coordinate, trajectories),
-                *_warn_of_search(solution),
+                *_warnings(trial, solution, coordinate, curves),
                 *warn_of_alternatives(alternatives),
             ],
         },
         predictor=model,
-        trajectories=_tabulate(trial, solution, coordinate, trajectories),
+        trajectories=trajectory_dataset(course.dimension, coordinate, curves, **schedule),
     )
 
 
@@ -169,20 +167,18 @@ def _make_model(
 ) -> TimeVaryingModel:
     """The solution as a model that predicts."""
     equations = solution.equations
-    course = equations.course
     bases = equations.bases
     parameters = solution.parameters
-    delay = solution.delay
-    basis = fit_basis(trial.velocity(delay), "rectifier", 1)
+    basis = fit_basis(trial.velocity(solution.delay), "rectifier", 1)
     variable = options.schedule
     if isinstance(options.cycle_onsets, str):
         variable = options.cycle_onsets
     coefficients = {name: parameters.linear[block] for name, block in bases.blocks.items()}
     return TimeVaryingModel(
-        inputs=ModelInputs(basis, delay, equations.transform.rate, trial.rate),
-        dimension=course.dimension,
+        inputs=ModelInputs(basis, solution.delay, equations.transform.rate, trial.rate),
+        dimension=equations.course.dimension,
         variable=variable,
-        limits=np.array(course.limits),
+        limits=np.array(equations.course.limits),
         degree=bases.splines["K"].degree,
         stiffness=coefficients["K"],
         viscosity=coefficients["B"],
@@ -194,72 +190,39 @@ def _make_model(
     )
 
 
-def _tabulate(
+def _warnings(
     trial: PreparedTrial,
     solution: TimeVaryingSolution,
     coordinate: np.ndarray,
-    trajectories: Mapping[str, Trajectory],
-) -> xr.Dataset:
-    """Trajectories with the ends of their bands, and with the scheduling variable that they follow.
-
-    Shapes: coordinate (places,).
-    """
-    schedule = solution.equations.options.schedule
-    values = {}
-    for name, curve in trajectories.items():
-        values[name] = curve.values
-        values[f"{name}_low"] = curve.values - curve.margin
-        values[f"{name}_high"] = curve.values + curve.margin
-    dimension = solution.equations.course.dimension
-    if schedule is None:
-        return trajectory_dataset(dimension, coordinate, values)
-    unit = str(trial.trial[schedule].attrs.get("units", ""))
-    return trajectory_dataset(dimension, coordinate, values, variable=schedule, variable_unit=unit)
-
-
-def _warn_of_movement(trial: PreparedTrial, solution: TimeVaryingSolution) -> list[str]:
-    """Whether the slow movement follows the cycle or the schedule, and whether there are enough cycles."""
+    curves: Mapping[str, np.ndarray],
+) -> list[str]:
+    """What the record does not show, or the search did not reach."""
     equations = solution.equations
     course = equations.course
-    position = trial.motion(equations.grid)[0]
     findings = check_slow_movement(
-        position, course, equations.transform.rate, equations.options.schedule
+        trial.motion(equations.grid)[0],
+        course,
+        equations.transform.rate,
+        equations.options.schedule,
     )
     warnings = [finding.text for finding in findings if finding.verdict != "ok"]
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(
             f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}."
         )
-    return warnings
-
-
-def _warn_of_excitation(
-    dimension: str, coordinate: np.ndarray, trajectories: Mapping[str, Trajectory]
-) -> list[str]:
-    """Where the record does not show a trajectory.
-
-    Shapes: coordinate (places,).
-    """
-    warnings = []
-    for name, curve in trajectories.items():
-        edges = np.flatnonzero(np.diff(np.isnan(curve.values), prepend=False, append=False))
+    for name in equations.bases.trajectories:
+        edges = np.flatnonzero(np.diff(np.isnan(curves[name]), prepend=False, append=False))
         ranges = [
             f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}"
             for start, stop in edges.reshape(-1, 2)
         ]
         if ranges:
             warnings.append(
-                f"{name} is not identified at {dimension} {', '.join(ranges)}: it is hardly excited there."
+                f"{name} is not identified at {course.dimension} {', '.join(ranges)}: it is hardly excited there."
             )
-    return warnings
-
-
-def _warn_of_search(solution: TimeVaryingSolution) -> list[str]:
-    """Weak instruments, and a search that did not end."""
-    warnings = []
     if solution.weakness_f < WEAK:
         warnings.append(
-            f"the instruments are weak: their smallest canonical correlation with the regressors is "
+            "the instruments are weak: their smallest canonical correlation with the regressors is "
             f"{solution.strength:.2g}. Record more cycles, perturb more strongly, or take fewer knots."
         )
     if not solution.converged:

@@ -48,7 +48,9 @@ def choose_penalties(
     }
     penalties = typical if start is None else start
     factors = dict.fromkeys(bases.blocks, 1.0)
-    freedom = max(_count_freedom(equations, system), 1.0)
+    repeated = equations.course.equal_cycles or MEAN_SPLINES
+    independent = (system.torque.size - repeated) * equations.noise.share
+    freedom = max(independent - unknowns, 1.0)
     for number in range(SMOOTHING_STEPS):
         penalty = bases.penalty(penalties, unknowns)
         values = solve_scaled(system.normal + penalty, system.side)
@@ -71,13 +73,6 @@ def choose_penalties(
             renewed[name] = min(max(likeliest, smallest), LARGEST_PENALTY * typical[name])
         penalties = renewed
     return SmoothSolution(values, penalties, variance)
-
-
-def _count_freedom(equations: TimeVaryingEquations, system: WhitenedSystem) -> float:
-    """Independent values of the whitened torque beyond what was fitted to it."""
-    repeated = equations.course.equal_cycles or MEAN_SPLINES
-    independent = (system.torque.size - repeated) * equations.noise.share
-    return independent - len(system.normal)
 
 
 def _relative_noise(

@@ -12,7 +12,7 @@ from ankleloop.joint.dynamics import GRIDS, ReflexDynamics, respond
 from ankleloop.methods.riv.equations import Parameters
 from ankleloop.methods.riv.start import fit_grid
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
-from ankleloop.methods.riv_tv.smoothing import SmoothSolution, choose_penalties
+from ankleloop.methods.riv_tv.smoothing import choose_penalties
 from ankleloop.methods.riv_tv.whitening import POWER_FLOOR
 from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
@@ -26,15 +26,6 @@ LARGEST_STEPS = {"omega_n": 0.3, "zeta": 0.3, "pole": 0.3, "delay": 0.008, "torq
 CONVERGED = 0.02  # of its standard error: largest step of a parameter of the dynamics
 NEGLIGIBLE_STEP = 1e-5  # of the largest steps
 RENEWED = 1e-4  # s: change of the delay for which inputs are made again
-
-
-@dataclass(frozen=True, eq=False)
-class Trajectory:
-    """A parameter over places, with its band and with what the record says about it: shapes (places,)."""
-
-    values: np.ndarray  # nan where the record shows nothing
-    margin: np.ndarray  # half of the width of the band
-    excitation: np.ndarray  # information of the record over its mean, for splines of equal size
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,29 +116,39 @@ class TimeVaryingSolution:
         variances = np.sum(weights @ self.covariance[block, block] * weights, axis=-1)
         return np.sqrt(np.maximum(variances, 0.0))
 
-    def find_trajectories(self, places: np.ndarray) -> dict[str, Trajectory]:
-        """Trajectories of what varies.
+    def find_trajectories(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """What varies, with the ends of its bands: K, K_low, K_high, …; nan where the record shows nothing.
 
-        Shapes: places (places,).
+        Shapes: places (places,); returns (places,).
         """
         bases = self.equations.bases
-        return {name: self._find_trajectory(name, places) for name in bases.trajectories}
+        excitation = self.find_excitation(places)
+        curves = {}
+        for name in bases.trajectories:
+            weights = bases.splines[name](places)
+            curve = weights @ self.parameters.linear[bases.blocks[name]]
+            curve[excitation[name] < IDENTIFIED] = np.nan
+            margin = self.quantile * self._deviate(name, weights) if self.converged else np.nan
+            curves[name] = curve
+            curves[f"{name}_low"] = curve - margin
+            curves[f"{name}_high"] = curve + margin
+        return curves
 
-    def _find_trajectory(self, name: str, places: np.ndarray) -> Trajectory:
-        """Trajectory of a parameter; without a band if the search has not converged."""
-        splines = self.equations.bases.splines[name]
-        block = self.equations.bases.blocks[name]
-        information = np.diag(self.system.information)[block]
-        sizes = np.mean(splines(np.linspace(0.0, 1.0, INTEGRATION_PLACES)) ** 2, axis=0)
-        density = information / sizes
-        weights = splines(places)
-        excitation = weights @ (density / max(float(np.mean(density)), np.finfo(float).tiny))
-        values = weights @ self.parameters.linear[block]
-        values[excitation < IDENTIFIED] = np.nan
-        margin = np.full(places.size, np.nan)
-        if self.converged:
-            margin = self.quantile * self._deviate(name, weights)
-        return Trajectory(values, margin, excitation)
+    def find_excitation(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Information of the record about each trajectory over its mean, for splines of equal size.
+
+        Shapes: places (places,); returns (places,).
+        """
+        bases = self.equations.bases
+        information = np.diag(self.system.information)
+        excitation = {}
+        for name in bases.trajectories:
+            splines = bases.splines[name]
+            squares = splines(np.linspace(0.0, 1.0, INTEGRATION_PLACES)) ** 2
+            density = information[bases.blocks[name]] / squares.mean(axis=0)
+            mean = max(float(density.mean()), np.finfo(float).tiny)
+            excitation[name] = splines(places) @ (density / mean)
+        return excitation
 
     @property
     def variation_p(self) -> dict[str, float]:
@@ -198,17 +199,26 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
     """
     parameters = _find_start(equations)
     size = parameters.linear.size
+    largest = np.array([LARGEST_STEPS[name] for name in parameters.unknowns])
     converged = False
     penalties = None
     for number in range(1, MOST_ROUNDS + 1):
         system = equations.system(parameters, equations.noise_whitener(parameters))
         solution = choose_penalties(equations, system, penalties)
         penalties = solution.penalties
+        linear, step = np.split(solution.values, [size])
         if converged:
-            parameters = replace(parameters, linear=solution.values[:size])
+            parameters = replace(parameters, linear=linear)
             break
-        converged = number >= FEWEST_ROUNDS and _has_converged(parameters, system, solution)
-        parameters = _take_step(parameters, solution.values).limit_delay(equations.delay)
+        inverse = solve_scaled(system.information, np.eye(len(system.information)))
+        errors = np.sqrt(np.maximum(solution.variance * np.diag(inverse)[size:], 1e-300))
+        small = np.max(np.abs(step) / errors) < CONVERGED
+        negligible = np.max(np.abs(step) / largest) < NEGLIGIBLE_STEP
+        converged = number >= FEWEST_ROUNDS and bool(small or negligible)
+        # The columns of the dynamics are those of the linear parameters where the round begins.
+        limited = np.clip(step, -largest, largest)
+        whole_step = np.concatenate([linear - parameters.linear, limited])
+        parameters = parameters.add(whole_step).limit_delay(equations.delay)
         if abs(parameters.shift) > RENEWED:
             equations = equations.with_delay(equations.delay + parameters.shift)
             parameters = replace(parameters, shift=0.0)
@@ -221,35 +231,6 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
         rounds=number,
         converged=converged,
     )
-
-
-def _largest_steps(parameters: Parameters) -> np.ndarray:
-    """Largest steps of the unknowns behind the linear ones."""
-    return np.array([LARGEST_STEPS[name] for name in parameters.unknowns])
-
-
-def _has_converged(
-    parameters: Parameters, system: WhitenedSystem, solution: SmoothSolution
-) -> bool:
-    """Whether the step of dynamics and delays is small."""
-    size = parameters.linear.size
-    step = np.abs(solution.values[size:])
-    inverse = solve_scaled(system.information, np.eye(len(system.information)))
-    errors = np.sqrt(np.maximum(solution.variance * np.diag(inverse)[size:], 1e-300))
-    negligible = np.max(step / _largest_steps(parameters)) < NEGLIGIBLE_STEP
-    return bool(negligible or np.max(step / errors) < CONVERGED)
-
-
-def _take_step(parameters: Parameters, values: np.ndarray) -> Parameters:
-    """Parameters after a round: the solution of the linear ones, and a limited step of the others.
-
-    Shapes: values (unknowns,).
-    """
-    linear, step = np.split(values, [parameters.linear.size])
-    largest = _largest_steps(parameters)
-    # The columns of the dynamics are those of the linear parameters where the round begins.
-    limited = np.clip(step, -largest, largest)
-    return parameters.add(np.concatenate([linear - parameters.linear, limited]))
 
 
 def _find_start(equations: TimeVaryingEquations) -> Parameters:

@@ -45,7 +45,7 @@ class Weighting:
 
     transform: PaddedTransform
     rows: slice  # samples that count
-    weight: np.ndarray  # shape (frequencies,)
+    weight: np.ndarray | float = 1.0  # shape (frequencies,)
     level: np.ndarray | float = 1.0  # shape (rows,)
 
     def __call__(self, spectra: np.ndarray) -> np.ndarray:
