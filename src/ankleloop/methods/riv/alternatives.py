@@ -218,13 +218,11 @@ def _differentiate(effect: str, point: Point, origin: Equations) -> np.ndarray:
         torques = np.stack([centred, band.signals(predicted_torque)])
         return -band.transform(torques**2 * torques)
     if effect == "friction":
-        signs = np.sign([origin.regressors.inputs[:, 1], origin.predicted_inputs[:, 1]])
-        return band.transform(signs)
-    sides = (origin.measured, origin.predicted)
-    velocities = np.stack([spectra[1] for spectra in sides])
-    drives = np.stack([spectra[MOTION] for spectra in sides])
-    delayed = np.exp(-band.s * origin.delay) * velocities
-    return point.parameters.responses(band.s)[0] * (drives - delayed)
+        velocities = [origin.regressors.inputs[:, 1], origin.predicted_inputs[:, 1]]
+        return band.transform(np.sign(velocities))
+    velocities, drives = np.stack([origin.measured, origin.predicted], axis=1)[[1, MOTION]]
+    late = np.exp(-band.s * origin.delay)
+    return point.parameters.responses(band.s)[0] * (drives - late * velocities)
 
 
 def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tuple[float, float]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ankleloop.methods.riv.alternatives import Alternative, compute_shifts
-from ankleloop.methods.riv.equations import Parameters
-from ankleloop.methods.riv_tv.equations import Inputs, TimeVaryingEquations
+from ankleloop.methods.riv_tv.equations import Inputs
 from ankleloop.methods.riv_tv.solution import TimeVaryingSolution
 
 EFFECTS = ("lag", "high-pass", "friction", "compression", "direction", "delay")
@@ -20,17 +19,19 @@ def find_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
     system = solution.system
     whitener = equations.noise_whitener(parameters)
     scale = np.sqrt(solution.variance * (1.0 + equations.noise.weight_variance))
-    measured_torque = equations.lead(parameters)
-    predicted_torque = equations.model_torque(parameters, equations.predicted)
+    predicted_torque = parameters.torque(
+        equations.predicted.intrinsic, equations.predicted.drive, equations.transform.s
+    )
+    sides = [
+        (equations.measured, equations.lead(parameters)),
+        (equations.predicted, predicted_torque),
+    ]
     alternatives = []
     for effect in EFFECTS:
         if UNKNOWNS.get(effect) in parameters.delays:
             continue
-        regressor = whitener(
-            _differentiate(effect, equations, parameters, equations.measured, measured_torque)
-        )
-        instrument = whitener(
-            _differentiate(effect, equations, parameters, equations.predicted, predicted_torque)
+        regressor, instrument = (
+            whitener(_differentiate(effect, solution, *side)) for side in sides
         )
         # What the instruments of the other unknowns leave of it.
         common = (instrument @ system.regressors.T) @ solution.inverse
@@ -46,30 +47,27 @@ def find_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
 
 
 def _differentiate(
-    effect: str,
-    equations: TimeVaryingEquations,
-    parameters: Parameters,
-    inputs: Inputs,
-    torque: np.ndarray,
+    effect: str, solution: TimeVaryingSolution, inputs: Inputs, torque: np.ndarray
 ) -> np.ndarray:
     """Transform of the derivative of the torque with respect to an effect, by inputs and the torque of them.
 
     Shapes: torque (frequencies,); returns (frequencies,).
     """
+    equations = solution.equations
     transform = equations.transform
-    velocity = inputs.motion.velocity
     if effect == "lag":
         return -transform.s * torque
     if effect == "high-pass":
         return -torque / np.where(equations.noise.inside, transform.s, 1.0)
     if effect == "compression":
         return -equations.spectra(transform.signals(torque) ** 3)
+    velocity = inputs.motion.velocity
     if effect == "friction":
         return equations.spectra(np.sign(velocity))
-    response = parameters.responses(transform.s)[0]
+    response = solution.parameters.responses(transform.s)[0]
     if effect == "delay":
-        drive = parameters.linear[equations.bases.blocks["G"]] @ inputs.drive
-        return -transform.s * response * drive
+        gain = solution.parameters.linear[equations.bases.blocks["G"]]
+        return -transform.s * response * (gain @ inputs.drive)
     rectified = equations.spectra(inputs.motion.rectify(equations.delay))
     late = np.exp(-transform.s * equations.delay)
     return response * (rectified - late * equations.spectra(velocity))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -80,6 +79,7 @@ class TimeVaryingEquations:
         self.repeated: CycleMean | SmoothPart = self.smooth_part
         if self.course.equal_cycles:
             self.repeated = CycleMean(self.course.rows, self.course.equal_cycles)
+        self._unweighted = self.whitener(Weighting(self.transform, self.course.rows))
         torque = trial.channel("torque", self.grid)
         self.torque = self.spectra(torque - torque.mean())
         slow = self.smooth_part.part(trial.motion(self.grid)[0])
@@ -138,23 +138,16 @@ class TimeVaryingEquations:
             return self.torque
         return self.torque * np.exp(self.transform.s * parameters.lag)
 
-    def model_torque(self, parameters: Parameters, inputs: Inputs) -> np.ndarray:
-        """Transform of the torque that parameters give for inputs."""
-        return parameters.torque(inputs.intrinsic, inputs.drive, self.transform.s)
-
     def whitener(self, weighting: Weighting) -> Whitener:
         """Whitener with some weights."""
         return Whitener(weighting, self.repeated.weighted(weighting))
 
     def noise_whitener(self, parameters: Parameters) -> Whitener:
         """Whitener of the noise: the residual torque less what repeats with the cycle."""
-        residual = self.lead(parameters) - self.model_torque(parameters, self.measured)
-        return self.whitener(self.noise.whiten(self._unweighted(residual)))
-
-    @cached_property
-    def _unweighted(self) -> Whitener:
-        """Makes signals of spectra without weights."""
-        return self.whitener(Weighting(self.transform, self.course.rows))
+        inputs = self.measured
+        explained = parameters.torque(inputs.intrinsic, inputs.drive, self.transform.s)
+        residual = self._unweighted(self.lead(parameters) - explained)
+        return self.whitener(self.noise.whiten(residual))
 
     def system(self, parameters: Parameters, whitener: Whitener) -> WhitenedSystem:
         """Whitened system at some parameters."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -44,8 +43,8 @@ class SmoothPart:
 
     def __init__(self, course: Course, transform: PaddedTransform) -> None:
         self.rows = course.rows
-        self.transform = transform
         self.splines = Splines(MEAN_SPLINES, course.periodic)(course.place).T  # (splines, N)
+        self._spectra = transform.spectra(self.splines)
         # The matrix that fits them to the samples that count, shape (rows, splines).
         self._fit = linalg.pinv(self.splines[:, self.rows], rtol=DEPENDENT_SPLINES)
 
@@ -57,14 +56,9 @@ class SmoothPart:
         """All samples of signals less their smooth part, shape (..., N)."""
         return signals - self.part(signals)
 
-    @cached_property
-    def spectra(self) -> np.ndarray:
-        """Transforms of the splines, shape (splines, frequencies)."""
-        return self.transform.spectra(self.splines)
-
     def weighted(self, weighting: Weighting) -> SlowDirections:
         """What changes slowly of weighted signals."""
-        return SlowDirections.of(weighting(self.spectra))
+        return SlowDirections.of(weighting(self._spectra))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from ankleloop.joint.dynamics import GRIDS, ReflexDynamics, respond
+from ankleloop.joint.dynamics import GRIDS, respond
 from ankleloop.methods.riv.equations import Parameters
 from ankleloop.methods.riv.start import fit_grid
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
@@ -236,34 +236,25 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
 def _find_start(equations: TimeVaryingEquations) -> Parameters:
     """Parameters to begin with: constant linear ones, by the predicted inputs, and the best dynamics of a grid."""
     options = equations.options
-    grid = GRIDS[options.order]
-    constants, dynamics = _fit_constants(equations, grid)
-    blocks = equations.bases.blocks.values()
-    unknowns = {"delay": options.delay, "torque_lag": options.torque_lag}
-    return Parameters(
-        linear=np.repeat(constants, [block.stop - block.start for block in blocks]),
-        dynamics=dynamics,
-        lag=options.torque_lag or 0.0,
-        delays=tuple(name for name, value in unknowns.items() if value is None),
-    )
-
-
-def _fit_constants(
-    equations: TimeVaryingEquations, grid: list[ReflexDynamics]
-) -> tuple[np.ndarray, ReflexDynamics]:
-    """Constant K, B, I and G, by the predicted inputs, and the best dynamics of a grid."""
+    noise = equations.noise
     inputs = equations.predicted
-    inside = equations.noise.inside
-    blocks = [equations.bases.blocks[name] for name in STIFFNESS]
-    intrinsic = [inputs.intrinsic[block].sum(axis=0) for block in blocks]
-    sums = np.stack([*intrinsic, inputs.drive.sum(axis=0)])[:, inside]
-    torque = equations.torque[inside]
-    responses = respond(grid, equations.transform.s[inside])
+    grid = GRIDS[options.order]
+    blocks = equations.bases.blocks
+    intrinsic = [inputs.intrinsic[blocks[name]].sum(axis=0) for name in STIFFNESS]
+    spectra = np.stack([*intrinsic, inputs.drive.sum(axis=0)])[:, noise.inside]
+    torque = equations.torque[noise.inside]
+    responses = respond(grid, equations.transform.s[noise.inside])
     no_delays = np.ones((1, torque.size))
-    width = equations.noise.resolution * equations.transform.size / equations.transform.rate
-    noise = np.ones(torque.size)
+    width = noise.resolution * equations.transform.size / equations.transform.rate
+    power = np.ones(torque.size)
     for _ in range(2):
-        values, best, residual = fit_grid(sums, torque, responses, no_delays, noise)
+        constants, best, residual = fit_grid(spectra, torque, responses, no_delays, power)
         power = smooth(np.abs(residual) ** 2, width)
-        noise = np.maximum(power, POWER_FLOOR * power.max())
-    return values, grid[best]
+        power = np.maximum(power, POWER_FLOOR * power.max())
+    delays = {"delay": options.delay, "torque_lag": options.torque_lag}
+    return Parameters(
+        linear=np.repeat(constants, [splines.size for splines in equations.bases.splines.values()]),
+        dynamics=grid[best],
+        lag=options.torque_lag or 0.0,
+        delays=tuple(name for name, value in delays.items() if value is None),
+    )
