@@ -185,7 +185,7 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
     texts = {}
     for label, estimate in analysis.estimates.items():
         probabilities = estimate.diagnostics.get("variation_p")
-        if not probabilities:  # nothing in it can vary
+        if estimate.trajectories is None or not probabilities:  # nothing in it can vary
             continue
         dimension = str(next(iter(estimate.trajectories.sizes)))
         words, data = (

@@ -178,16 +178,25 @@ class TimeVaryingSolution:
         normal = rotation @ self.system.normal @ rotation.T
         scatter = variance * rotation @ (coloured @ coloured.T) @ rotation.T
         side = rotation @ self.system.side
-        probabilities = {}
-        for name, tested in contrasts.items():
-            free = np.setdiff1d(np.arange(unknowns), tested)
-            inverse = solve_scaled(normal[np.ix_(free, free)], np.eye(free.size))
-            rows = np.eye(unknowns)[tested]
-            rows[:, free] = -normal[np.ix_(tested, free)] @ inverse
-            left = rows @ side
-            statistic = left @ solve_scaled(rows @ scatter @ rows.T, left)
-            probabilities[name] = float(special.chdtrc(tested.size, statistic))
-        return probabilities
+        return {
+            name: _score_test(normal, side, scatter, tested) for name, tested in contrasts.items()
+        }
+
+
+def _score_test(
+    normal: np.ndarray, side: np.ndarray, scatter: np.ndarray, tested: np.ndarray
+) -> float:
+    """Probability of left sides of the tested equations that are at least as large, if their unknowns were zero.
+
+    Shapes: normal, scatter (unknowns, unknowns), side (unknowns,), tested (numbers of unknowns,).
+    """
+    free = np.setdiff1d(np.arange(side.size), tested)
+    inverse = solve_scaled(normal[np.ix_(free, free)], np.eye(free.size))
+    rows = np.eye(side.size)[tested]
+    rows[:, free] = -normal[np.ix_(tested, free)] @ inverse
+    left = rows @ side
+    statistic = left @ solve_scaled(rows @ scatter @ rows.T, left)
+    return float(special.chdtrc(tested.size, statistic))
 
 
 def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
