@@ -133,9 +133,9 @@ def _shows_delay(solution: Search) -> bool:
         return False
     values = solution.point.values
     shortest, longest = STRETCH_DELAY
-    if not shortest < values["delay"] < longest or values["G"] < 0.0:
-        return False
-    return bool(solution.point.covariance(solution.free)[-1, -1] < CERTAIN_DELAY**2)
+    is_stretch_reflex = shortest < values["delay"] < longest and values["G"] >= 0.0
+    variance = solution.point.covariance(solution.free)[-1, -1]
+    return bool(is_stretch_reflex and variance < CERTAIN_DELAY**2)
 
 
 def _estimate(
