@@ -14,8 +14,8 @@ from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.riv.equations import Parameters
-from ankleloop.methods.riv.riv import LOGARITHMIC
-from ankleloop.methods.riv_tv.equations import RivTvOptions, TimeVaryingEquations
+from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
+from ankleloop.methods.riv_tv.options import RivTvOptions
 from ankleloop.methods.riv_tv.riv_tv import PLACES
 from ankleloop.options import check_flag, check_number
 from ankleloop.quantities import QUANTITIES
@@ -321,23 +321,23 @@ def trajectory_bound(
     equations, parameters, information = trajectory_information(
         seed, values, counts, rate, known_delay=known_delay
     )
-    bases, course = equations.bases, equations.course
+    bases = equations.bases
+    course = equations.course
     covariance = invert_information(information)
     places = np.linspace(0.0, 1.0, PLACES)
     low, high = course.limits
     bound = xr.Dataset(coords={course.dimension: low + (high - low) * places})
-    for name, splines, block in zip("KBG", bases.all, bases.blocks, strict=False):
-        weights = splines(places)
-        bound[name] = (
-            course.dimension,
-            np.sqrt(np.einsum("ij,jk,ik->i", weights, covariance[block, block], weights)),
-        )
+    for name in bases.trajectories:
+        block = bases.blocks[name]
+        weights = bases.splines[name](places)
         mean = weights[:-1].mean(axis=0)
+        variances = np.sum(weights @ covariance[block, block] * weights, axis=1)
+        bound[name] = (course.dimension, np.sqrt(variances))
         bound[f"{name}_mean"] = np.sqrt(mean @ covariance[block, block] @ mean)
     deviations = np.sqrt(np.diag(covariance))
-    bound["I"] = deviations[bases.blocks[3].start]
+    bound["I"] = deviations[bases.blocks["I"].start]
     for name, deviation in zip(parameters.unknowns, deviations[bases.size :], strict=True):
-        bound[name] = deviation * (parameters.dynamics.values[name] if name in LOGARITHMIC else 1.0)
+        bound[name] = deviation * parameters.dynamics.values.get(name, 1.0)
     for variable, curve in bound.data_vars.items():
         quantity = QUANTITIES[str(variable).removesuffix("_mean")]
         curve.attrs = {
@@ -363,30 +363,31 @@ def trajectory_information(
     dynamics, and the delay [s].
     """
     clean = prepare(_simulate_clean(seed, settings))
-    given = {
-        "identification_rate": rate,
-        "delay": settings.delay,
-        "knots": knots,
+    options = RivTvOptions.parse(
+        "trajectory_bound",
+        reference="position",
+        identification_rate=rate,
+        delay=settings.delay,
+        knots=knots,
         **COURSES[str(settings.variation)],
-    }
-    equations = TimeVaryingEquations(
-        clean, RivTvOptions.parse("trajectory_bound", reference="position", **given)
     )
-    bases, course = equations.bases, equations.course
+    equations = TimeVaryingEquations(clean, options)
+    bases = equations.bases
+    rows = equations.course.rows
     linear = np.zeros(bases.size)  # without an inertia, of which nothing else depends
-    for name, splines, block in zip(
-        TRAJECTORY_TRUTHS.values(), bases.all, bases.blocks, strict=False
-    ):
-        truth = clean.channel(name, equations.grid)[course.rows]
-        linear[block] = np.linalg.lstsq(splines(course.place[course.rows]), truth, rcond=1e-12)[0]
+    for name, truth in TRAJECTORY_TRUTHS.items():
+        values = clean.channel(truth, equations.grid)[rows]
+        splines = bases.values[name][:, rows].T
+        linear[bases.blocks[name]] = np.linalg.lstsq(splines, values, rcond=1e-12)[0]
     dynamics = ReflexDynamics(settings.omega_n, settings.zeta, settings.pole)
     parameters = Parameters(linear, dynamics, delays=() if known_delay else ("delay",))
     # The torque that the perturbation alone causes is the unit of the disturbances.
     still = _simulate_clean(seed, settings, movement=0.0, locked_torque=0.0)
-    inside, density = equations.inside, np.ones(equations.frequency.size)
     level = settings.torque_level or float(np.std(still["torque"].values))
-    density[inside] = disturbance_spectrum(equations.frequency[inside], level, settings)
+    inside = equations.noise.inside
+    density = np.ones(inside.size)
+    density[inside] = disturbance_spectrum(equations.transform.frequency[inside], level, settings)
     # White noise has the variance of a density up to half of the rate.
-    weight = np.where(inside, 1.0 / np.sqrt(0.5 * equations.rate * density), 0.0)
-    whiten = equations.whitener(weight, np.ones(equations.rows.stop - equations.rows.start))
-    return equations, parameters, equations.system(parameters, whiten).information
+    weighting = equations.noise.weigh(0.5 * equations.transform.rate * density)
+    system = equations.system(parameters, equations.whitener(weighting))
+    return equations, parameters, system.information

@@ -179,8 +179,8 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
             found["scores"] for found in selection["candidates"] if chosen <= found.items()
         )
         row |= {f"unseen_{name.replace('-', '_')}": score for name, score in scores.items()}
-    if "variation_p" in estimate.diagnostics:
-        row["variation_p"] = estimate.diagnostics["variation_p"]["all"]
+    if probabilities := estimate.diagnostics.get("variation_p"):
+        row["variation_p"] = probabilities["all"]
     row |= score_trajectories(prepared, estimate)
     row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
     return row

@@ -187,19 +187,19 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
     rows = {row.get("label"): row for row in analysis.table.to_dict("records")}
     texts = {}
     for label, estimate in analysis.estimates.items():
-        if estimate.trajectories is None:
+        probabilities = estimate.diagnostics.get("variation_p")
+        if estimate.trajectories is None or not probabilities:  # nothing in it can vary
             continue
         dimension = str(next(iter(estimate.trajectories.sizes)))
         words, data = (
             CHANGES[dimension],
             "unseen cycles" if dimension == "phase" else "the unseen half",
         )
-        probabilities = estimate.diagnostics["variation_p"]
         p = {
             name: "less than 0.001" if p < 0.001 else f"{p:.2g}"
             for name, p in probabilities.items()
         }
-        each = ", ".join(f"{name} {p[name]}" for name in "KBG")
+        each = ", ".join(f"{name} {p[name]}" for name in p if name != "all")
         changes = probabilities["all"] < LEVEL
         text = (
             f"K, B or G change {words}" if changes else f"No change of K, B or G {words} is shown"

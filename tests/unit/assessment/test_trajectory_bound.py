@@ -26,10 +26,10 @@ OPEN = {
     "gain_peak": 0.7,
 }
 CHANGES = {  # of a setting, and what it changes: mean and place of the largest value
-    "stiffness_variation": (0, 150.0, 0.5),
-    "gain_variation": (2, 13.0, 0.7),
-    "zeta": (4, 0.0, 0.0),
-    "delay": (5, 0.0, 0.0),
+    "stiffness_variation": ("K", 150.0, 0.5),
+    "gain_variation": ("G", 13.0, 0.7),
+    "zeta": ("zeta", 0.0, 0.0),
+    "delay": ("delay", 0.0, 0.0),
 }
 
 
@@ -52,7 +52,7 @@ def torque_of_cycles(**settings):
 @pytest.mark.parametrize("name", list(CHANGES))
 def test_information_against_differences_of_records(name):
     """A change of a setting changes the torque; its power over the density of the noise is the information."""
-    number, mean, peak = CHANGES[name]
+    parameter, mean, peak = CHANGES[name]
     truth = OPEN.get(name, getattr(SimulationSettings(), name))
     # A delay is a whole number of steps of the simulation.
     step = 0.001 if name == "delay" else 0.002 * truth
@@ -69,13 +69,14 @@ def test_information_against_differences_of_records(name):
     expected = 2.0 * np.sum(energy / (50.0 * noise))
     information, bases = information_of(4, (16, 16, 16), known_delay=False, **OPEN)
     direction = np.zeros(len(information))
-    if number < 3:
+    if parameter in bases.blocks:
         places = np.linspace(0.0, 1.0, 400, endpoint=False)
-        splines, block = bases.all[number], bases.blocks[number]
+        splines, block = bases.splines[parameter], bases.blocks[parameter]
         change = mean * np.cos(2 * np.pi * (places - peak))
         direction[block] = np.linalg.lstsq(splines(places), change, rcond=None)[0]
     else:
-        direction[bases.size + number - 3] = 1.0 if name == "delay" else 1.0 / truth
+        place = bases.size + ("omega_n", "zeta", "delay").index(parameter)
+        direction[place] = 1.0 if name == "delay" else 1.0 / truth
     assert direction @ information @ direction == pytest.approx(expected, rel=0.03)
 
 
@@ -88,11 +89,10 @@ def test_means_have_the_information_of_a_constant_joint(variation, shares):
         clean, SimulationSettings.parse("test", **settings), fed_back=False
     )
     information, bases = information_of(3, (12, 8, 12), variation=variation, **settings)
-    stiffness, viscosity, gain, inertia = bases.blocks
     sums = np.zeros((len(information), len(names)))
-    for column, rows in enumerate((stiffness, viscosity, inertia, gain)):
-        sums[rows, column] = 1.0
-    sums[gain.stop, 4], sums[gain.stop + 1, 5] = 1.0 / 40.0, 1.0
+    for column, name in enumerate(names[:4]):
+        sums[bases.blocks[name], column] = 1.0
+    sums[bases.size, 4], sums[bases.size + 1, 5] = 1.0 / 40.0, 1.0
     assert names == ["K", "B", "I", "G", "omega_n", "zeta"]
     share = np.diag(sums.T @ information @ sums) / np.diag(constant)
     np.testing.assert_allclose(share[:3], shares[0], atol=0.015)

@@ -116,7 +116,7 @@ def test_a_weak_reference_is_refused():
 
 def test_missing_convergence_is_a_warning(monkeypatch):
     monkeypatch.setattr(search, "MOST_ITERATIONS", 1)
-    monkeypatch.setattr(search, "REFINED", 1)
+    monkeypatch.setattr(search, "MOST_REFINEMENTS", 1)
     monkeypatch.setattr(search, "TOLERANCE", 1e-9)
     estimate = identify(simulate(seed=1, duration=20.0), "riv")
     assert not estimate.diagnostics["converged"]

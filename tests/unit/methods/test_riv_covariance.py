@@ -1,7 +1,10 @@
 """Intervals of `riv` where the model is incomplete."""
 
+from copy import copy
+
 import numpy as np
 import pytest
+from scipy import stats
 
 from ankleloop import identify, simulate
 from ankleloop.assessment.bootstrap import block_bootstrap
@@ -35,7 +38,7 @@ def newey_west(scores, lags):
 
 def test_scores_sum_to_the_left_side():
     """At the start, where it is not zero; flat weights do not depend on the residual."""
-    point = solve_trial(simulate(seed=1, duration=20.0), "flat").path[0]
+    point = solve_trial(simulate(seed=1, duration=20.0), "flat").points[0]
     np.testing.assert_allclose(time_scores(point).sum(axis=1), point.side, rtol=1e-9)
 
 
@@ -99,6 +102,44 @@ def test_false_alarms():
         for seed in range(40)
     )
     assert alarms <= 7
+
+
+def correlation_probability(point, signal):
+    """Of correlations of a whitened residual and a whitened signal at lags within ± 0.5 s, summed lag by lag."""
+    band = point.equations.band
+    white = signal / np.sqrt(band.smooth(np.abs(signal) ** 2, 1.0))
+    products = point.residual / np.sqrt(point.noise) * white.conj()
+    interval = 0.5 * band.samples / band.rate / (band.bins.start + band.frequency.size)
+    lags = interval * np.arange(-int(0.5 / interval), int(0.5 / interval) + 1)
+    sums = [np.sum(products * np.exp(2j * np.pi * band.frequency * lag)).real for lag in lags]
+    energy = np.sum(np.square(sums)) / (0.5 * band.frequency.size * band.correlation)
+    return stats.chi2.sf(energy, lags.size)
+
+
+@pytest.mark.parametrize("settings", [{"duration": 15.0}, {"snr_db": None, "voluntary": 0.5}])
+def test_the_smaller_of_two_probabilities_counts_twice(settings):
+    point = solve_trial(simulate(seed=1, **settings)).point
+    position, *_ = predicted = point.equations.predicted
+    drive = point.parameters.linear[3] * predicted[3]
+    smaller = min(correlation_probability(point, signal) for signal in (position, drive))
+    assert 1e-6 < smaller < 0.5
+    assert point.movement_p == pytest.approx(2.0 * smaller, rel=1e-6)
+
+
+def test_a_residual_that_does_not_depend_on_the_movement_is_no_alarm():
+    """White noise in its place: no level is reached more often than it says."""
+    point = solve_trial(simulate(seed=1, duration=15.0)).point
+    band = point.equations.band
+    rng = np.random.default_rng(1)
+    probabilities = []
+    for _ in range(400):
+        other = copy(point)
+        other.__dict__.pop("movement_p", None)
+        other.residual = band.transform(rng.standard_normal(band.samples))
+        other.noise = point.equations.smooth_power(other.residual)
+        probabilities.append(other.movement_p)
+    for level in (0.05, 0.2, 0.5):
+        assert np.mean(np.array(probabilities) < level) < level
 
 
 @pytest.mark.parametrize("kind", ["asymptotic", "robust"])

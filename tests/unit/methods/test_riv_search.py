@@ -7,7 +7,7 @@ from scipy import signal
 from ankleloop import identify, new_trial, simulate
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.riv.equations import Equations, Point
-from ankleloop.methods.riv.search import GAIN, REFINED, solve
+from ankleloop.methods.riv.search import LEAST_GAIN, MOST_REFINEMENTS, solve
 
 
 def set_up(
@@ -102,18 +102,19 @@ def test_the_full_slope_by_differences(weighting, reference):
 def check_path(solution):
     """No point has both a larger left side and a larger misfit than an earlier one of the filter."""
     free = solution.free
-    assert solution.point.merit(free) <= solution.path[0].merit(free)
+    assert solution.point.merit(free) <= solution.points[0].merit(free)
     if solution.first == 0:  # by the first iterations alone
-        assert len(solution.path) <= REFINED + 2
+        assert len(solution.points) <= MOST_REFINEMENTS + 2
         assert solution.converged
         return
-    for k in range(solution.first, len(solution.path)):
+    for k in range(solution.first, len(solution.points)):
         for j in range(solution.first, k):
-            new, old = solution.path[k], solution.path[j]
+            new, old = solution.points[k], solution.points[j]
             better = (
-                new.merit(free) <= (1 - GAIN) * old.merit(free) or new.misfit <= old.misfit - GAIN
+                new.merit(free) <= (1 - LEAST_GAIN) * old.merit(free)
+                or new.misfit <= old.misfit - LEAST_GAIN
             )
-            assert better or (k == len(solution.path) - 1 and solution.converged), (j, k)
+            assert better or (k == len(solution.points) - 1 and solution.converged), (j, k)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +130,7 @@ def test_a_hard_record_converges(path, options):
     record = make_incomplete_record(path)
     solution = solve(*set_up(record, reference="position", **options))
     assert solution.converged
-    assert len(solution.path) > REFINED
+    assert len(solution.points) > MOST_REFINEMENTS
     check_path(solution)
     estimate = identify(record, "riv", reference="position", **options)
     assert estimate.diagnostics["criterion"] < 0.01 < estimate.diagnostics["criterion_start"]

@@ -21,7 +21,8 @@ from ankleloop.assessment.scores import true_trajectories
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.time_varying_course import find_onsets
-from ankleloop.methods.riv_tv.equations import RivTvOptions, TimeVaryingEquations
+from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
+from ankleloop.methods.riv_tv.options import RivTvOptions
 from ankleloop.methods.riv_tv.solution import solve_time_varying
 
 LIGHT = (0.1, 10.0, 100.0)

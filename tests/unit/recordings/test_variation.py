@@ -99,6 +99,18 @@ def test_a_constant_joint_is_not_called_changing():
     assert recommend(result).label == "constant"
 
 
+@pytest.mark.parametrize(("knots", "told"), [((1, 5, 5), True), ((1, 1, 1), False)])
+def test_what_cannot_vary_is_not_said_to(knots, told):
+    """With one value of a parameter there is no probability of its variation."""
+    trial = simulate(seed=1, duration=30.0, variation="cycle", **CHANGE)
+    options = {"cycle_onsets": "phase", "knots": knots, "interpolation": "constant"}
+    result = analyse(trial, {"steps": {"method": "riv-tv", "options": options}})
+    texts = list(describe_variations(result).values())
+    assert len(texts) == told
+    assert all("while the others may change: B " in text and "nan" not in text for text in texts)
+    assert recommend(result).text
+
+
 def test_a_slow_change_has_no_unseen_half_and_is_recommended():
     trial = simulate(seed=1, duration=60.0, variation="time", **CHANGE)
     result = analyse(trial, METHODS)

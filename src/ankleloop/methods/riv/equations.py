@@ -1,43 +1,43 @@
-"""The equations of refined instrumental variables, between spectra of measured and predicted inputs; their start."""
+"""The equations of refined instrumental variables, between spectra of measured and of predicted inputs."""
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from scipy import special
 
-from ankleloop.joint.dynamics import GRIDS, ReflexDynamics, respond
+from ankleloop.joint.dynamics import GRIDS, ReflexDynamics
 from ankleloop.joint.hammerstein import ReflexPath
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Regressors
+from ankleloop.methods.riv.start import fit_grid, make_grid
+from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
-from ankleloop.signals.spectra import Band, pass_band
+from ankleloop.signals.spectra import pass_band
 
 NOISE_RESOLUTION = 0.4  # Hz
-DELAY_LIMITS = (
-    0.015,
-    0.15,
-)  # s: no stretch reflex is faster; a shorter delay could not be told from viscosity
-FASTEST_POLE = (
-    20.0  # of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
-)
+POWER_FLOOR = 1e-12  # of the largest power of the noise
+# s: no stretch reflex is faster; a shorter delay could not be told from viscosity
+DELAY_LIMITS = (0.015, 0.15)
+# of the highest frequency: a pole beyond [rad/s] acts like a delay of a millisecond
+FASTEST_POLE = 20.0
 NO_POLE = 100.0  # of that limit: a third pole that is held there is none
-INCOMPLETE = 0.01  # probability of a residual that depends as much on the movement, if the model were complete
-REACH = 0.5  # s within which a residual may depend on the movement
-WHITENING = 1.0  # Hz
-DIFFERENCE = 1e-5  # of a logarithm, or s, for second derivatives
-DELAYS = np.arange(0.02, 0.121, 0.01)  # s: candidates for the start of an unknown delay
+# probability of a residual that depends as much on the movement, if the model were complete
+INCOMPLETE = 0.01
+MOVEMENT_REACH = 0.5  # s within which a residual may depend on the movement
+MOVEMENT_RESOLUTION = 1.0  # Hz: width over which the spectrum of the movement is smoothed
+SLOPE_STEP = 1e-5  # of a logarithm, or s, for second derivatives
 
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
     """Parameters of a model: linear ones, the dynamics behind some of them, and delays."""
 
-    linear: (
-        np.ndarray
-    )  # shape (k,): K, B, I and the coefficients of basis functions, or those of splines of them
+    # Shape (k,): K, B, I and the coefficients of basis functions, or those of splines of them.
+    linear: np.ndarray
     dynamics: ReflexDynamics  # dynamics of the reflex
     shift: float = 0.0  # delay of the reflex less that of the inputs [s]
     lag: float = 0.0  # lag of the torque channel behind the position [s]
@@ -50,43 +50,47 @@ class Parameters:
 
     def add(self, step: np.ndarray) -> Parameters:
         """Parameters after a step of all unknowns."""
-        linear, dynamics, late = np.split(
-            step, np.cumsum([self.linear.size, len(self.dynamics.values)])
-        )
-        steps = dict(zip(self.delays, late.tolist(), strict=True))
-        shift, lag = self.shift + steps.get("delay", 0.0), self.lag + steps.get("torque_lag", 0.0)
+        ends = np.cumsum([self.linear.size, len(self.dynamics.values)])
+        linear, dynamics, delays = np.split(step, ends)
+        later = dict(zip(self.delays, delays.tolist(), strict=True))
         return Parameters(
-            self.linear + linear, self.dynamics.scale(dynamics), shift, lag, self.delays
+            linear=self.linear + linear,
+            dynamics=self.dynamics.scale(dynamics),
+            shift=self.shift + later.get("delay", 0.0),
+            lag=self.lag + later.get("torque_lag", 0.0),
+            delays=self.delays,
         )
 
     def limit_delay(self, delay: float) -> Parameters:
         """Parameters whose delay, if it is an unknown, is that of a stretch reflex, by the delay of the inputs."""
-        low, high = (limit - delay for limit in DELAY_LIMITS)
-        return (
-            replace(self, shift=min(max(self.shift, low), high)) if "delay" in self.delays else self
-        )
+        if "delay" not in self.delays:
+            return self
+        low, high = DELAY_LIMITS
+        return replace(self, shift=min(max(self.shift, low - delay), high - delay))
 
     def responses(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Response of the reflex with its shift of the delay, and its derivatives with respect to its unknowns."""
         response, derivatives = self.dynamics.response(s)
-        rows = np.array([*derivatives, -s * response] if "delay" in self.delays else derivatives)
-        if self.shift:
-            delay = np.exp(-s * self.shift)
-            response, rows = delay * response, delay * rows
-        return response, rows
+        if "delay" in self.delays:
+            derivatives.append(-s * response)
+        rows = np.array(derivatives)
+        if not self.shift:
+            return response, rows
+        delay = np.exp(-s * self.shift)
+        return delay * response, delay * rows
 
-    def torque(self, motion: np.ndarray, drive: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """Torque of inputs that act at once and of those of the dynamics, shapes (..., frequencies)."""
-        return self.linear[: len(motion)] @ motion + self.responses(s)[0] * (
-            self.linear[len(motion) :] @ drive
-        )
+    def torque(self, intrinsic: np.ndarray, drive: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """Torque of inputs of the intrinsic path and of those of the reflex, shapes (..., frequencies)."""
+        intrinsic_torque = self.linear[: len(intrinsic)] @ intrinsic
+        return intrinsic_torque + self.responses(s)[0] * (self.linear[len(intrinsic) :] @ drive)
 
-    def differentiate(self, motion: np.ndarray, drive: np.ndarray, s: np.ndarray) -> np.ndarray:
+    def differentiate(self, intrinsic: np.ndarray, drive: np.ndarray, s: np.ndarray) -> np.ndarray:
         """Derivatives of that torque with respect to all unknowns, shape (unknowns, frequencies)."""
         response, rows = self.responses(s)
-        spectra = [motion, response * drive, rows * (self.linear[len(motion) :] @ drive)]
+        whole_drive = self.linear[len(intrinsic) :] @ drive
+        spectra = [intrinsic, response * drive, rows * whole_drive]
         if "torque_lag" in self.delays:
-            spectra.append(-s[None] * self.torque(motion, drive, s))
+            spectra.append(-s[None] * self.torque(intrinsic, drive, s))
         return np.vstack(spectra)
 
 
@@ -94,52 +98,61 @@ class Point:
     """The equations at some parameters; weights and instruments are those of these parameters."""
 
     def __init__(self, equations: Equations, parameters: Parameters) -> None:
-        e, p, linear = equations, parameters, parameters.linear
-        self.equations, self.parameters = e, p
-        self.names = (
-            *"KBI",
-            *(f"c{k}" for k in range(1, linear.size - MOTION + 1)),
-            *p.unknowns,
-        )  # of all unknowns
-        self.path = ReflexPath(e.regressors.basis, linear[MOTION:], p.dynamics)
-        # Whether a pole of the second-order part is so fast that it cannot be told from a delay.
-        omega_n, zeta = p.dynamics.omega_n, p.dynamics.zeta
-        self.pole_out_of_band = bool(
-            omega_n * (zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))) > e.pole_limit
-        )
+        linear = parameters.linear
+        coefficients = linear[MOTION:]
+        terms = [f"c{number}" for number in range(1, coefficients.size + 1)]
+        self.equations = equations
+        self.parameters = parameters
+        self.names = (*STIFFNESS, *terms, *parameters.unknowns)  # of all unknowns
+        self.reflex_path = ReflexPath(equations.regressors.basis, coefficients, parameters.dynamics)
         # Derivatives of the torque with respect to the unknowns, by the measured inputs and by the predicted ones, both
         # of shape (unknowns, frequencies).
-        self.regressors = e.differentiate(e.measured, p)
-        self.instruments = self.regressors if e.open_loop else e.differentiate(e.predicted, p)
+        self.regressors = equations.differentiate(equations.measured, parameters)
+        self.instruments = self.regressors
+        if not equations.open_loop:
+            self.instruments = equations.differentiate(equations.predicted, parameters)
         # Shape (frequencies,): measured torque less that of the model, its smoothed periodogram, and the noise that the
         # weights are the inverse of.
-        self.residual = e.torque - linear @ self.regressors[: linear.size]
-        self.noise = e.smooth_power(self.residual)
-        self.level = (
-            self.noise if e.weighting == "noise" else np.full(self.noise.size, self.noise.mean())
-        )
+        self.residual = equations.torque - linear @ self.regressors[: linear.size]
+        self.noise = equations.smooth_power(self.residual)
+        self.level = self.noise
+        if equations.weighting == "flat":
+            self.level = np.full(self.noise.size, self.noise.mean())
         self.weighted = self.instruments.conj() / self.level
         # Left side of the equations, zero at their solution; minus its slope for fixed weights and instruments; and
         # products of the instruments.
         self.side = np.real(self.weighted @ self.residual)
         self.normal = np.real(self.weighted @ self.regressors.T)
         self.information = np.real(self.weighted @ self.instruments.T)
-        # Covariance of the left side where noise of this spectrum is all that is left; each frequency counts twice.
-        self.scatter = (
-            0.5
-            * e.band.correlation
-            * np.real((self.weighted * self.noise) @ self.weighted.conj().T)
-        )
+        self.scatter = self.scatter_of(self.weighted)
 
     @property
     def values(self) -> dict[str, float]:
         """K, B, I, delay and the parameters of the reflex, by name."""
-        stiffness = dict(zip("KBI", self.parameters.linear[:MOTION].tolist(), strict=True))
+        stiffness = self.parameters.linear[:MOTION].tolist()
+        delay = self.equations.delay + self.parameters.shift
         return {
-            **stiffness,
-            "delay": self.equations.delay + self.parameters.shift,
-            **self.path.parameters,
+            **dict(zip(STIFFNESS, stiffness, strict=True)),
+            "delay": delay,
+            **self.reflex_path.parameters,
         }
+
+    @property
+    def pole_out_of_band(self) -> bool:
+        """Whether a pole of the second-order part is so fast that it cannot be told from a delay."""
+        zeta = self.parameters.dynamics.zeta
+        fastest = zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))
+        return bool(self.parameters.dynamics.omega_n * fastest > self.equations.pole_limit)
+
+    def scatter_of(self, weighted: np.ndarray) -> np.ndarray:
+        """Covariance of the products of weighted instruments with the noise, if nothing else is left.
+
+        Each frequency counts twice.
+
+        Shapes: weighted (rows, frequencies); returns (rows, rows).
+        """
+        products = np.real((weighted * self.noise) @ weighted.conj().T)
+        return 0.5 * self.equations.band.correlation * products
 
     def merit(self, free: np.ndarray) -> float:
         """Size of the left side of some unknowns over its standard deviation, squared: a χ² at the true parameters."""
@@ -156,12 +169,8 @@ class Point:
         """
         select = np.ix_(free, free)
         inverse = solve_scaled(self.normal[select], np.eye(free.size))
-        return (
-            (1.0 + 2.0 * self.equations.smoothing_variance)
-            * inverse
-            @ self.scatter[select]
-            @ inverse.T
-        )
+        factor = 1.0 + 2.0 * self.equations.smoothing_variance
+        return factor * inverse @ self.scatter[select] @ inverse.T
 
     @cached_property
     def movement_p(self) -> float:
@@ -172,22 +181,24 @@ class Point:
         the two. All are whitened. Lags within half a second are 1/(2b) apart in a band of width b; there the
         correlations of white signals are independent. The smaller one of the two probabilities counts, twice.
         """
-        e, band = self.equations, self.equations.band
-        drive = self.parameters.linear[MOTION:] @ e.predicted[MOTION:]
-        residual = self.residual / np.sqrt(self.noise)
-        first, count = band.bins.start, band.frequency.size
+        predicted = self.equations.predicted
+        drive = self.parameters.linear[MOTION:] @ predicted[MOTION:]
+        smaller = min(self._correlation_p(predicted[0]), self._correlation_p(drive))
+        return float(min(1.0, 2.0 * smaller))
+
+    def _correlation_p(self, spectrum: np.ndarray) -> float:
+        """Probability of correlations of the residual and an independent signal that are at least as large."""
+        band = self.equations.band
+        first = band.bins.start
+        count = band.frequency.size
         size = 2 * (first + count)
-        reach = int(REACH * size * band.rate / band.samples)
-        probabilities = []
-        for signal in (e.predicted[0], drive):
-            cross = np.zeros(first + count + 1, dtype=complex)
-            cross[first:-1] = (
-                residual * signal.conj() / np.sqrt(band.smooth(np.abs(signal) ** 2, WHITENING))
-            )
-            products = 0.5 * size * np.fft.irfft(cross, size)[np.arange(-reach, reach + 1)]
-            energy = np.sum(products**2) / (0.5 * count * band.correlation)
-            probabilities.append(special.chdtrc(products.size, energy))
-        return float(min(1.0, 2.0 * min(probabilities)))
+        reach = int(MOVEMENT_REACH * size * band.rate / band.samples)
+        power = band.smooth(np.abs(spectrum) ** 2, MOVEMENT_RESOLUTION)
+        cross = np.zeros(first + count + 1, dtype=complex)
+        cross[first:-1] = self.residual / np.sqrt(self.noise) * spectrum.conj() / np.sqrt(power)
+        products = 0.5 * size * np.fft.irfft(cross, size)[np.arange(-reach, reach + 1)]
+        energy = np.sum(products**2) / (0.5 * count * band.correlation)
+        return float(special.chdtrc(products.size, energy))
 
     @cached_property
     def misfit(self) -> float:
@@ -196,33 +207,33 @@ class Point:
         With weights from the noise its spectrum is unknown (Whittle 1953), else it is white. In open loop its slope is
         the left side of the equations, but for the smoothing of weights.
         """
-        e, linear = self.equations, self.parameters.linear
-        remainder = (
-            self.residual if e.open_loop else e.torque - linear @ self.instruments[: linear.size]
-        )
-        power = (
-            e.smooth_power(remainder) if e.weighting == "noise" else np.mean(np.abs(remainder) ** 2)
-        )
-        return float(2.0 / e.band.correlation * remainder.size * np.mean(np.log(power)))
+        equations = self.equations
+        linear = self.parameters.linear
+        remainder = equations.torque - linear @ self.instruments[: linear.size]
+        power = np.mean(np.abs(remainder) ** 2, keepdims=True)
+        if equations.weighting == "noise":
+            power = equations.smooth_power(remainder)
+        return float(2.0 / equations.band.correlation * remainder.size * np.mean(np.log(power)))
 
     @cached_property
     def slope(self) -> np.ndarray:
         """Minus the slope of the left side, weights and instruments being renewed, shape (unknowns, unknowns)."""
-        e, p, slope = self.equations, self.parameters, self.normal.copy()
-        linear, target = p.linear.size, self.residual / self.level
-        # Instruments are the slopes of a torque, so their slopes are symmetric.
-        for k, step in enumerate(DIFFERENCE * np.eye(len(slope))[linear:], linear):
+        equations = self.equations
+        slope = self.normal.copy()
+        linear = self.parameters.linear.size
+        target = self.residual / self.level
+        for number, step in enumerate(SLOPE_STEP * np.eye(len(slope))[linear:], linear):
             ahead, behind = (
-                e.differentiate(e.predicted, p.add(sign * step)) for sign in (1.0, -1.0)
+                equations.differentiate(equations.predicted, self.parameters.add(signed))
+                for signed in (step, -step)
             )
-            change = np.real((ahead - behind).conj() @ target) / (2.0 * DIFFERENCE)
-            slope[:, k] -= change
-            slope[k, :linear] -= change[:linear]
-        if e.weighting == "noise":
+            change = np.real((ahead - behind).conj() @ target) / (2.0 * SLOPE_STEP)
+            # Instruments are the slopes of a torque, so their slopes are symmetric.
+            slope[:, number] -= change
+            slope[number, :linear] -= change[:linear]
+        if equations.weighting == "noise":
             products = np.real(self.residual.conj() * self.regressors)
-            noise_slopes = -2.0 * np.array(
-                [e.band.smooth(row, NOISE_RESOLUTION) for row in products]
-            )
+            noise_slopes = -2.0 * equations.smooth_rows(products)
             slope += np.real(self.weighted * self.residual) / self.level @ noise_slopes.T
         return slope
 
@@ -231,28 +242,38 @@ class Equations:
     """Spectra of the measured and of the predicted inputs of a trial, and the equations between them."""
 
     def __init__(self, trial: PreparedTrial, regressors: Regressors, weighting: str) -> None:
-        self.regressors, self.weighting = regressors, weighting
-        self.delay = float(regressors.delay)
+        self.regressors = regressors
+        self.weighting = weighting  # "noise" or "flat"
+        self.delay = regressors.delay  # of the inputs [s]
         self.band = pass_band(regressors.torque.size, regressors.rate)
+        # From this pole on none can be told from a delay [rad/s].
+        self.pole_limit = FASTEST_POLE * self.band.highest
         # Variance of the smoothed spectrum over its square; zero for flat weights.
-        self.smoothing_variance = (
-            self.band.smoothing_variance(NOISE_RESOLUTION) if weighting == "noise" else 0.0
-        )
-        self.pole_limit = (
-            FASTEST_POLE * self.band.highest
-        )  # from which on a pole cannot be told from a delay [rad/s]
+        self.smoothing_variance = 0.0
+        if weighting == "noise":
+            self.smoothing_variance = self.band.smoothing_variance(NOISE_RESOLUTION)
         self.torque = self.band.transform(regressors.torque)
         self.measured = self.band.transform(regressors.inputs.T)
+        self.predicted = self.measured
         self.predicted_inputs = trial.predict_inputs(regressors)
         self.open_loop = self.predicted_inputs is regressors.inputs
-        self.predicted = (
-            self.measured if self.open_loop else self.band.transform(self.predicted_inputs.T)
-        )
+        if not self.open_loop:
+            self.predicted = self.band.transform(self.predicted_inputs.T)
+
+    def with_torque(self, torque: np.ndarray) -> Equations:
+        """The equations for another spectrum of the torque, shape (frequencies,)."""
+        equations = copy(self)
+        equations.torque = torque
+        return equations
 
     def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
         """Smoothed periodogram, shape (frequencies,)."""
         power = self.band.smooth(np.abs(spectrum) ** 2, NOISE_RESOLUTION)
-        return np.maximum(power, 1e-12 * power.max())
+        return np.maximum(power, POWER_FLOOR * power.max())
+
+    def smooth_rows(self, rows: np.ndarray) -> np.ndarray:
+        """Rows over frequency, smoothed as the periodogram is, shape (rows, frequencies)."""
+        return np.array([self.band.smooth(row, NOISE_RESOLUTION) for row in rows])
 
     def differentiate(self, spectra: np.ndarray, parameters: Parameters) -> np.ndarray:
         """Derivatives of the torque with respect to the parameters, by some inputs, shape (unknowns, frequencies)."""
@@ -261,79 +282,28 @@ class Equations:
     def hold_at_limits(self, parameters: Parameters) -> tuple[Parameters, set[str]]:
         """Parameters without a third pole or a delay beyond their limits, and the names of those that were."""
         limited = parameters.limit_delay(self.delay)
-        names = set() if limited.shift == parameters.shift else {"delay"}
+        names = set()
+        if limited.shift != parameters.shift:
+            names.add("delay")
         if (parameters.dynamics.pole or 0.0) >= self.pole_limit:
-            limited = replace(
-                limited, dynamics=replace(limited.dynamics, pole=NO_POLE * self.pole_limit)
-            )
+            no_pole = replace(limited.dynamics, pole=NO_POLE * self.pole_limit)
+            limited = replace(limited, dynamics=no_pole)
             names.add("pole")
         return limited, names
 
     def find_start(self, order: int, *, estimate_delay: bool) -> Parameters:
         """Best of a grid of dynamics for the predicted position, a fit to the torque that it explains."""
-        shifts, responses, delays = make_grid(
-            self.band, order, self.delay if estimate_delay else None
-        )
-        linear, best, residual = fit_grid(
-            self.predicted, self.torque, responses, delays, np.ones(self.torque.size)
-        )
+        start_delay = self.delay if estimate_delay else None
+        shifts, responses, delays = make_grid(self.band, order, start_delay)
+        white = np.ones(self.torque.size)
+        linear, best, residual = fit_grid(self.predicted, self.torque, responses, delays, white)
         if self.weighting == "noise":
-            linear, best, _ = fit_grid(
-                self.predicted, self.torque, responses, delays, self.smooth_power(residual)
-            )
+            noise = self.smooth_power(residual)
+            linear, best, _ = fit_grid(self.predicted, self.torque, responses, delays, noise)
         number, late = divmod(best, shifts.size)
-        shift = float(shifts[late])
-        return Parameters(linear, GRIDS[order][number], shift, delays=("delay",) * estimate_delay)
-
-
-@lru_cache(maxsize=2)
-def make_grid(
-    band: Band, order: int, delay: float | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Shifts of a delay from which a search may start, responses of the dynamics from which it may, and of the shifts.
-
-    Shapes: returns shifts (D,), responses (R, F), delays (D, F).
-    """
-    shifts = np.zeros(1) if delay is None else DELAYS - delay
-    return shifts, respond(GRIDS[order], band.s), np.exp(-np.outer(shifts, band.s))
-
-
-def fit_grid(
-    inputs: np.ndarray,
-    torque: np.ndarray,
-    responses: np.ndarray,
-    delays: np.ndarray,
-    noise: np.ndarray,
-) -> tuple[np.ndarray, int, np.ndarray]:
-    """Linear parameters of the best filter of the reflex, its number, and what it leaves of the torque.
-
-    The filters are all pairs of a response and a delay, the latter counting first. They are fitted in one pass.
-
-    Shapes: inputs (3 + k, F), torque (F,), responses (R, F), delays (D, F), noise (F,); returns (3 + k,), residual
-    (F,).
-    """
-    motion, drive = inputs[:MOTION], inputs[MOTION:]
-    k, count, size = len(drive), len(delays), len(responses) * len(delays)
-    weighted = motion.conj() / noise
-    normal = np.empty((size, MOTION + k, MOTION + k))
-    normal[:, :MOTION, :MOTION] = np.real(weighted @ motion.T)
-    rows = np.vstack(
-        [(weighted[:, None] * drive).reshape(MOTION * k, -1), drive * torque.conj() / noise]
-    )
-    products = np.real(
-        responses @ (delays[:, None] * rows).reshape(count * len(rows), -1).T
-    ).reshape(size, -1)
-    cross, reflex = np.split(products, [MOTION * k], axis=1)
-    cross = cross.reshape(-1, MOTION, k)
-    normal[:, :MOTION, MOTION:], normal[:, MOTION:, :MOTION] = cross, np.swapaxes(cross, 1, 2)
-    products = (
-        np.abs(responses) ** 2 @ np.real(drive.conj()[:, None] * drive / noise).reshape(k * k, -1).T
-    )
-    normal[:, MOTION:, MOTION:] = np.repeat(products, count, axis=0).reshape(-1, k, k)
-    right = np.hstack([np.tile(np.real(weighted @ torque), (size, 1)), reflex])
-    scale = 1.0 / np.sqrt(np.einsum("gii->gi", normal))
-    scaled = normal * scale[:, :, None] * scale[:, None] + 1e-12 * np.eye(MOTION + k)
-    linear = scale * np.linalg.solve(scaled, (scale * right)[..., None])[..., 0]
-    best = int(np.argmax(np.sum(right * linear, axis=1)))  # explained energy
-    values, response = linear[best], responses[best // count] * delays[best % count]
-    return values, best, torque - values[:MOTION] @ motion - response * (values[MOTION:] @ drive)
+        return Parameters(
+            linear=linear,
+            dynamics=GRIDS[order][number],
+            shift=float(shifts[late]),
+            delays=("delay",) if estimate_delay else (),
+        )

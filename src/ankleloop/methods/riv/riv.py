@@ -24,24 +24,29 @@ from ankleloop.methods.method import (
     RefinedOptions,
     Validity,
 )
-from ankleloop.methods.riv.alternatives import STRETCH_DELAY, add_alternatives, find_alternatives
-from ankleloop.methods.riv.equations import (
-    INCOMPLETE,
-    NOISE_RESOLUTION,
-    Equations,
-    Point,
+from ankleloop.methods.riv.alternatives import (
+    STRETCH_DELAY,
+    Alternative,
+    describe_alternatives,
+    find_alternatives,
+    select_alternatives,
+    warn_of_alternatives,
+    widen_intervals,
 )
+from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import option
+from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
 from ankleloop.signals.vaf import TWO_SIDED
 
-SEGMENT = 1.0  # s: over this the products of residual and instruments may be correlated
-SLOWEST = 2  # cosines that a drift within the record would fill
-FEWEST = 8  # cosines of a short record
+SCORE_CORRELATION = 1.0  # s: over this the products of residual and instruments may be correlated
+DRIFT_COSINES = 2  # those that a drift within the record would fill
+FEWEST_COSINES = 8  # of a short record
 LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters whose logarithms are normally distributed
-WIDEST = 50.0  # of such a logarithm
+WIDEST_INTERVAL = 50.0  # of such a logarithm
 CERTAIN_DELAY = 0.005  # s, standard error
+GRADIENT_STEP = 0.1  # of a standard deviation of a coefficient, for the slopes of G and threshold
 
 
 class RivOptions(RefinedOptions, BasisOptions):
@@ -112,89 +117,116 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     >>> low < 150.0 < high
     True
     """
-    solution, assumptions = _solve(trial, options, estimate_delay=options.delay is None), []
-    if options.delay is None:
-        values, (shortest, longest) = solution.point.values, STRETCH_DELAY
-        plausible = (
-            solution.converged and shortest < values["delay"] < longest and values["G"] >= 0.0
-        )
-        if not (plausible and solution.point.covariance(solution.free)[-1, -1] < CERTAIN_DELAY**2):
-            assumptions = [
-                f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
-            ]
-            solution = _solve(trial, options, estimate_delay=False)
-    estimate = _estimate(trial, solution, options, assumptions)
-    if not solution.converged:
-        return estimate
-    return add_alternatives(estimate, find_alternatives(solution), trial)
+    solution = _solve(trial, options, estimate_delay=options.delay is None)
+    if options.delay is not None or _shows_delay(solution):
+        return _estimate(trial, solution, options, assumptions=[])
+    assumption = (
+        f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
+    )
+    solution = _solve(trial, options, estimate_delay=False)
+    return _estimate(trial, solution, options, assumptions=[assumption])
 
 
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
-    inputs = options.model_dump(include={*INPUTS, "reference"}) | {
-        "basis": options.basis or "rectifier"
-    }
+    """Solution of the equations, with the delay as an unknown or not."""
+    inputs = options.model_dump(include={*INPUTS, "reference"})
+    inputs["basis"] = options.basis or "rectifier"
     inputs["delay"] = NOMINAL_DELAY if options.delay is None else options.delay
     equations = Equations(trial, trial.regressors(**inputs), options.weighting)
     return solve(equations, equations.find_start(options.order, estimate_delay=estimate_delay))
 
 
+def _shows_delay(solution: Search) -> bool:
+    """Whether a solution with the delay as an unknown has that of a stretch reflex, and with a small error."""
+    if not solution.converged:
+        return False
+    values = solution.point.values
+    shortest, longest = STRETCH_DELAY
+    is_stretch_reflex = shortest < values["delay"] < longest and values["G"] >= 0.0
+    variance = solution.point.covariance(solution.free)[-1, -1]
+    return bool(is_stretch_reflex and variance < CERTAIN_DELAY**2)
+
+
 def _estimate(
     trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]
 ) -> Estimate:
-    """Torques, physical parameters, and their intervals where the search has converged."""
-    point, regressors = solution.point, solution.equations.regressors
-    parameters, values = point.parameters, point.values
-    deviations: dict[str, float] = {}
-    kind, quantile, p = None, TWO_SIDED, point.movement_p
+    """Torques, physical parameters, and where the search has converged their intervals and what the model lacks."""
+    equations = solution.equations
+    point = solution.point
+    parameters = point.parameters
+    values = point.values
+    kind = None
+    errors: dict[str, float] = {}
+    intervals: dict[str, tuple[float, float]] = {}
+    alternatives: list[Alternative] = []
     if solution.converged:
-        kind = options.intervals or ("robust" if p < INCOMPLETE else "asymptotic")
-        covariance = point.covariance(solution.free)
-        if kind == "robust":
-            covariance, freedom = robust_covariance(point, solution.free)
-            quantile = float(special.stdtrit(freedom, 0.975))
-        deviations = estimate_deviations(point, covariance, solution.free)
-    errors, intervals = estimate_intervals(values, deviations, quantile)
-    inputs = ModelInputs.of(regressors, values["delay"])
+        kind = options.intervals or ("robust" if point.movement_p < INCOMPLETE else "asymptotic")
+        errors, intervals = _quantify(solution, kind)
+        alternatives = select_alternatives(find_alternatives(solution))
+    inputs = ModelInputs.of(equations.regressors, values["delay"])
     model = PhysicalModel(
-        inputs, parameters.linear[:MOTION], parameters.linear[MOTION:], parameters.dynamics
+        inputs=inputs,
+        stiffness=parameters.linear[:MOTION],
+        coefficients=parameters.linear[MOTION:],
+        dynamics=parameters.dynamics,
     )
+    regressors = inputs.regressors(trial) if parameters.delays else equations.regressors
     return Estimate(
         method="riv",
-        torque=model.simulate(trial, inputs.regressors(trial) if parameters.delays else regressors),
-        stiffness={name: values.pop(name) for name in "KBI"},
-        reflex=values,
-        intervals=intervals,
+        torque=model.simulate(trial, regressors),
+        stiffness={name: values[name] for name in STIFFNESS},
+        reflex={name: value for name, value in values.items() if name not in STIFFNESS},
+        intervals=widen_intervals(intervals, values, alternatives),
         diagnostics={
             "order": options.order,
-            "iterations": len(solution.path) - 1,
+            "iterations": len(solution.points) - 1,
             "converged": solution.converged,
-            "criterion_start": solution.path[0].merit(solution.free),
+            "criterion_start": solution.points[0].merit(solution.free),
             "criterion": point.merit(solution.free),
             "reference": options.reference,
             "intervals": kind,
-            "movement_p": p,
+            "movement_p": point.movement_p,
             "standard_errors": errors,
-            "noise_frequency": solution.equations.band.frequency,
-            "noise_spectrum": point.noise / solution.equations.band.density,
-            "nonlinearity": point.path.curve(),
+            "noise_frequency": equations.band.frequency,
+            "noise_spectrum": point.noise / equations.band.density,
+            "nonlinearity": point.reflex_path.curve(),
+            **describe_alternatives(alternatives),
             "assumptions": assumptions,
-            "warnings": _warnings(solution),
+            "warnings": [*_warnings(solution), *warn_of_alternatives(alternatives, trial)],
         },
         predictor=model,
     )
 
 
+def _quantify(
+    solution: Search, kind: str
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Standard errors and intervals of one kind."""
+    point = solution.point
+    if kind == "robust":
+        covariance, freedom = robust_covariance(point, solution.free)
+        quantile = float(special.stdtrit(freedom, 0.975))
+    else:
+        covariance = point.covariance(solution.free)
+        quantile = TWO_SIDED
+    deviations = estimate_deviations(point, covariance, solution.free)
+    return estimate_intervals(point.values, deviations, quantile)
+
+
 def _warnings(solution: Search) -> list[str]:
     """What the search did not reach, and what the record does not show."""
-    warnings, order = [], len(solution.point.parameters.dynamics.values)
-    if solution.path[-1].pole_out_of_band or "pole" in solution.held:
-        fewer = "take order=2" if order == 3 else "its gain or the record is too small for two"
+    warnings = []
+    order = len(solution.point.parameters.dynamics.values)
+    if solution.points[-1].pole_out_of_band or "pole" in solution.held:
+        remedy = "its gain or the record is too small for two"
+        if order == 3:
+            remedy = "take order=2"
         warnings.append(
-            f"a pole of the reflex has left the band, so the record does not show {order}: {fewer}."
+            f"a pole of the reflex has left the band, so the record does not show {order}: {remedy}."
         )
     if not solution.converged:
         warnings.append(
-            f"not converged after {len(solution.path) - 1} iterations: the best one is given, without intervals. "
+            f"not converged after {len(solution.points) - 1} iterations: the best one is given, without intervals. "
             "The record hardly shows some of the parameters."
         )
     return warnings
@@ -215,16 +247,16 @@ def robust_covariance(point: Point, free: np.ndarray) -> tuple[np.ndarray, int]:
     Shapes: returns covariance (free, free).
     """
     band = point.equations.band
-    freedom = max(round(band.samples / band.rate / SEGMENT) - SLOWEST, FEWEST)
-    cosines = dct(time_scores(point)[free], norm="ortho", axis=1)[
-        :, 1 + SLOWEST : 1 + SLOWEST + freedom
-    ]
+    segments = round(band.samples / band.rate / SCORE_CORRELATION)
+    freedom = max(segments - DRIFT_COSINES, FEWEST_COSINES)
+    first = 1 + DRIFT_COSINES  # the zeroth one is the mean
+    transforms = dct(time_scores(point)[free], norm="ortho", axis=1)
+    cosines = transforms[:, first : first + freedom]
     influence = solve_scaled(point.slope[np.ix_(free, free)], cosines)
     independent = 2.0 * point.noise.size / band.correlation
     factor = band.samples / freedom * independent / (independent - free.size)
-    factor *= (
-        1.0 + point.equations.smoothing_variance
-    )  # weights follow the residual whose scatter is computed here
+    # Weights follow the residual whose scatter is computed here.
+    factor *= 1.0 + point.equations.smoothing_variance
     return factor * influence @ influence.T, freedom
 
 
@@ -235,44 +267,51 @@ def time_scores(point: Point) -> np.ndarray:
     with the same weights. Where the weights are an estimate from the residual, and residual and instruments are
     correlated at single frequencies though not on the whole, the squares of the residual contribute as well.
     """
-    e, band = point.equations, point.equations.band
+    equations = point.equations
+    band = equations.band
     root = np.sqrt(point.level)
     scores = band.signals(point.instruments / root) * band.signals(point.residual / root)
-    if e.weighting == "noise":
+    if equations.weighting == "noise":
         products = np.real(point.weighted * point.residual) / point.level
-        filters = np.array([band.smooth(row, NOISE_RESOLUTION) for row in products])
-        scores -= band.signals(filters * point.residual) * band.signals(point.residual)
+        filtered = equations.smooth_rows(products) * point.residual
+        scores -= band.signals(filtered) * band.signals(point.residual)
     return 0.5 * band.samples * scores
 
 
 def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
     """Standard deviations of the physical parameters, or of their logarithms; those of the reflex by differences."""
-    path, reflex, slopes = point.path, slice(MOTION, point.parameters.linear.size), []
-    values, deviations = np.array(path.rectifier[:2]), np.sqrt(np.diag(covariance))
-    for step in np.diag(0.1 * deviations[reflex]):
+    path = point.reflex_path
+    coefficients = slice(MOTION, point.parameters.linear.size)
+    values = np.array(path.rectifier[:2])
+    deviations = np.sqrt(np.diag(covariance))
+    slopes = []
+    for step in np.diag(GRADIENT_STEP * deviations[coefficients]):
         shifted = replace(path, coefficients=path.coefficients + step).rectifier[:2]
         slopes.append((np.array(shifted) - values) / step.sum())
-    gain, threshold = np.sqrt(
-        np.diag(np.transpose(slopes) @ covariance[reflex, reflex] @ slopes)
-    ).tolist()
+    variances = np.transpose(slopes) @ covariance[coefficients, coefficients] @ slopes
+    gain, threshold = np.sqrt(np.diag(variances)).tolist()
     names = np.array(point.names)[free].tolist()
-    return dict(zip(names, deviations.tolist(), strict=True)) | {"G": gain, "threshold": threshold}
+    known = dict(zip(names, deviations.tolist(), strict=True))
+    return {**known, "G": gain, "threshold": threshold}
 
 
 def estimate_intervals(
     values: Mapping[str, float], deviations: Mapping[str, float], quantile: float
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     """Standard errors and intervals of parameters, some of which have the deviations of their logarithms."""
-    known, intervals = [name for name in values if name in deviations], {}
-    errors = {
-        name: deviations[name] * (values[name] if name in LOGARITHMIC else 1.0) for name in known
-    }
-    for name, error in errors.items():
-        value, margin = values[name], quantile * error
-        intervals[name] = value - margin, value + margin
+    errors = {}
+    intervals = {}
+    for name, value in values.items():
+        if name not in deviations:
+            continue
         if name in LOGARITHMIC:
-            ratio = float(np.exp(min(margin / value, WIDEST)))
-            intervals[name] = value / ratio, value * ratio
+            errors[name] = deviations[name] * value
+            ratio = float(np.exp(min(quantile * deviations[name], WIDEST_INTERVAL)))
+            intervals[name] = (value / ratio, value * ratio)
+        else:
+            errors[name] = deviations[name]
+            margin = quantile * errors[name]
+            intervals[name] = (value - margin, value + margin)
     return errors, intervals
 
 

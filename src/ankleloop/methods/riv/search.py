@@ -7,19 +7,17 @@ import numpy as np
 from ankleloop.methods.riv.equations import Equations, Parameters, Point
 from ankleloop.signals.least_squares import solve_scaled
 
-LARGEST_STEPS = {
-    "omega_n": 0.4,
-    "zeta": 0.4,
-    "pole": 0.4,
-    "delay": 0.01,
-}  # of a logarithm, or s, in one iteration
+# of a logarithm, or s, in one iteration
+LARGEST_STEPS = {"omega_n": 0.4, "zeta": 0.4, "pole": 0.4, "delay": 0.01}
 MOST_ITERATIONS = 50
 TOLERANCE = 0.01  # standard errors: the search ends when no parameter moves by more
-GAIN = 1e-3  # least relative gain of the merit, and least gain of the misfit
-REFINED = 10  # iterations without second derivatives
+LEAST_GAIN = 1e-3  # relative, of the merit; and of the misfit
+MOST_REFINEMENTS = 10  # iterations without second derivatives
 SOLVED = 10.0  # tolerances: largest left side of a solution, over its standard deviation
-DAMPING, MOST_DAMPING = 0.02, 1e6  # in units of the information of the instruments
-FLAT = 1e-9  # slope in a direction that the record does not show, in the same units
+# In units of the information of the instruments:
+LEAST_DAMPING = 0.02
+MOST_DAMPING = 1e6
+FLAT = 1e-9  # slope in a direction that the record does not show
 
 
 def solve(equations: Equations, start: Parameters) -> Search:
@@ -40,16 +38,17 @@ def solve(equations: Equations, start: Parameters) -> Search:
     does not converge, the point with the smallest merit is returned.
     """
     search = Search(equations, start)
-    while len(search.path) <= REFINED and not search.finished and search.refine():
+    points = search.points
+    while len(points) <= MOST_REFINEMENTS and not search.finished and search.refine():
         pass
     if not search.finished:
-        search.first = len(search.path)
-        search.accept(search.path[int(np.argmin(search.merits))])
-    while len(search.path) <= MOST_ITERATIONS and not search.finished and search.advance():
+        search.first = len(points)
+        search.accept(points[int(np.argmin(search.merits))])
+    while len(points) <= MOST_ITERATIONS and not search.finished and search.advance():
         if search.point.pole_out_of_band:
             break
     if not search.finished:
-        search.point = min(search.path, key=lambda point: point.merit(search.free))
+        search.point = min(points, key=lambda point: point.merit(search.free))
     return search
 
 
@@ -58,9 +57,10 @@ class Search:
 
     def __init__(self, equations: Equations, start: Parameters) -> None:
         self.equations = equations
-        self.path: list[Point] = []  # the start, and the point after each iteration
-        self.merits: list[float] = []  # merit of each point of the path
-        self.first = 0  # point of the filter: the last change of what is held, or where the search began again
+        self.points: list[Point] = []  # the start, and the point after each iteration
+        self.merits: list[float] = []  # merit of each of them
+        # Number of the first point of the filter: the last change of what is held, or where the search began again.
+        self.first = 0
         self.held: set[str] = set()  # names of the unknowns that are held at a limit
         self.damping = 0.0
         self.finished = False  # whether the last step was within the tolerance
@@ -72,11 +72,11 @@ class Search:
         return self.finished and "delay" not in self.held
 
     def accept(self, point: Point) -> None:
-        """Add a point to the path."""
-        self.point = point  # end of the path; of a search that has ended, its result
+        """Add a point."""
+        self.point = point  # the last one; of a search that has ended, its result
         # Unknowns that are not held.
         self.free = np.flatnonzero([name not in self.held for name in point.names])
-        self.path.append(point)
+        self.points.append(point)
         self.merits.append(point.merit(self.free))
 
     def refine(self) -> bool:
@@ -85,11 +85,12 @@ class Search:
         step = self._full_step(point.normal)
         if self._end(step):
             return self.finished
-        candidate = Point(self.equations, point.parameters.add(step / max(1.0, self._length(step))))
+        limited_step = step / max(1.0, self._length(step))
+        candidate = Point(self.equations, point.parameters.add(limited_step))
         side = np.real(point.weighted @ candidate.residual)
         lowered = side @ solve_scaled(point.scatter, side) < self.merits[-1]
-        limits = self.equations.hold_at_limits(candidate.parameters)[1]
-        if not lowered or limits or candidate.pole_out_of_band:
+        _, at_limits = self.equations.hold_at_limits(candidate.parameters)
+        if not lowered or at_limits or candidate.pole_out_of_band:
             return False
         self.accept(candidate)
         return True
@@ -104,13 +105,12 @@ class Search:
                 if self._end(step):
                     return True
             else:
-                step = directions @ (
-                    side / (np.maximum(np.abs(curvatures), DAMPING) + self.damping)
-                )
+                slopes = np.maximum(np.abs(curvatures), LEAST_DAMPING)
+                step = directions @ (side / (slopes + self.damping))
             if self._try(step):
-                self.damping = 0.1 * self.damping if self.damping > DAMPING else 0.0
+                self.damping = 0.1 * self.damping if self.damping > LEAST_DAMPING else 0.0
                 return True
-            self.damping = max(3.0 * self.damping, DAMPING)
+            self.damping = max(3.0 * self.damping, LEAST_DAMPING)
         return False
 
     def _try(self, step: np.ndarray) -> bool:
@@ -124,20 +124,21 @@ class Search:
         candidate = Point(self.equations, parameters)
         if not held <= self.held:
             self.held |= held
-            self.first = len(self.path)
-        merit, earlier = candidate.merit(self.free), slice(self.first, None)
-        for point, smallest in zip(self.path[earlier], self.merits[earlier], strict=True):
-            if merit >= (1.0 - GAIN) * smallest and candidate.misfit >= point.misfit - GAIN:
+            self.first = len(self.points)
+        merit = candidate.merit(self.free)
+        filtered = slice(self.first, None)
+        for point, smallest in zip(self.points[filtered], self.merits[filtered], strict=True):
+            no_smaller = merit >= (1.0 - LEAST_GAIN) * smallest
+            if no_smaller and candidate.misfit >= point.misfit - LEAST_GAIN:
                 return False
         self.accept(candidate)
         return True
 
     def _full_step(self, slope: np.ndarray) -> np.ndarray:
         """Step of all unknowns that solves the equations if their slope is this one."""
+        free = self.free
         step = np.zeros(len(self.point.names))
-        step[self.free] = solve_scaled(
-            slope[np.ix_(self.free, self.free)], self.point.side[self.free]
-        )
+        step[free] = solve_scaled(slope[np.ix_(free, free)], self.point.side[free])
         return step
 
     def _end(self, step: np.ndarray) -> bool:
@@ -145,9 +146,8 @@ class Search:
 
         It is taken unless it is lost in rounding.
         """
-        if (
-            self.merits[-1] > self.free.size * (SOLVED * TOLERANCE) ** 2
-        ):  # singular equations can have short steps
+        # Singular equations can have short steps.
+        if self.merits[-1] > self.free.size * (SOLVED * TOLERANCE) ** 2:
             return False
         errors = np.sqrt(np.diag(self.point.covariance(self.free)))
         if not np.all(np.abs(step[self.free]) <= TOLERANCE * errors):
@@ -155,7 +155,8 @@ class Search:
         # Where the misfit is not smallest the search goes on; in closed loop the equations are not its slope.
         if not self.equations.open_loop or self._directions()[1][0] > FLAT:
             candidate = Point(self.equations, self.point.parameters.add(step))
-            self.accept(candidate if candidate.merit(self.free) <= self.merits[-1] else self.point)
+            lowered = candidate.merit(self.free) <= self.merits[-1]
+            self.accept(candidate if lowered else self.point)
             self.finished = True
         return True
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,14 +14,23 @@ from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.time_varying_course import trajectory_dataset
 from ankleloop.methods.method import POSITION, Method, Offer, Validity
-from ankleloop.methods.riv.alternatives import add_alternatives, compute_shifts
+from ankleloop.methods.riv.alternatives import (
+    Alternative,
+    compute_shifts,
+    describe_alternatives,
+    select_alternatives,
+    warn_of_alternatives,
+    widen_intervals,
+)
 from ankleloop.methods.riv.riv import estimate_intervals
-from ankleloop.methods.riv_tv.equations import RivTvOptions, TimeVaryingEquations
+from ankleloop.methods.riv_tv.alternatives import find_alternatives
+from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
+from ankleloop.methods.riv_tv.options import RivTvOptions
 from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
-WEAK = 10.0  # statistic of weak instruments (Staiger and Stock 1997)
+WEAK = 10.0  # F statistic of weak instruments (Staiger and Stock 1997)
 
 
 def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
@@ -67,86 +77,140 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     True
     """
     solution = _solve(trial, options)
-    estimate = _estimate(trial, solution, options)
-    if not solution.converged:
-        return estimate
-    *others, last = solution.find_alternatives()
-    if last.effect == "delay" and last.significant:  # one step is too short for a delay
-        freed = _solve(trial, options.model_copy(update={"delay": None}))
-        last = replace(last, value=freed.delay, shifts=compute_shifts(solution.means, freed.means))
-    return add_alternatives(estimate, [*others, last], trial)
+    alternatives: list[Alternative] = []
+    if solution.converged:
+        alternatives = select_alternatives(_list_alternatives(trial, solution, options))
+    return _estimate(trial, solution, options, alternatives)
 
 
 def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
+    """Solution of the equations of a trial, whose perturbation must not repeat with the cycle."""
     trial.check_variable(options.reference)
     equations = TimeVaryingEquations(trial, options)
     if equations.course.periodic:
+        smooth_part = equations.smooth_part
         refuse_locked_perturbation(
-            equations.reference, equations.course, equations.slow_part, options.reference
+            smooth_part.deviation(trial.channel(options.reference, equations.grid)),
+            equations.course,
+            smooth_part.part,
+            options.reference,
         )
     return solve_time_varying(equations)
 
 
-def _estimate(
+def _list_alternatives(
     trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions
+) -> list[Alternative]:
+    """What the model may lack; one step is too short for a delay, so the equations are solved for it."""
+    alternatives = []
+    for alternative in find_alternatives(solution):
+        if alternative.effect == "delay" and alternative.significant:
+            freed = _solve(trial, options.model_copy(update={"delay": None}))
+            shifts = compute_shifts(solution.means, freed.means)
+            alternative = replace(alternative, value=freed.delay, shifts=shifts)
+        alternatives.append(alternative)
+    return alternatives
+
+
+def _estimate(
+    trial: PreparedTrial,
+    solution: TimeVaryingSolution,
+    options: RivTvOptions,
+    alternatives: list[Alternative],
 ) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
-    equations, parameters = solution.equations, solution.parameters
-    bases, course = equations.bases, equations.course
-    curves, excitation = solution.find_trajectories(np.linspace(0.0, 1.0, PLACES))
+    equations = solution.equations
+    course = equations.course
+    dynamics = solution.parameters.dynamics.values
+    places = np.linspace(0.0, 1.0, PLACES)
     coordinate = np.linspace(*course.limits, PLACES)
-    unit = str(trial.trial[options.schedule].attrs.get("units", "")) if options.schedule else ""
+    curves = solution.find_trajectories(places)
+    model = _make_model(trial, solution, options)
+    means = solution.means
+    reflex = {"delay": solution.delay, "G": means.pop("G"), **dynamics}
+    values = {**means, **reflex}
+    intervals: dict[str, tuple[float, float]] = {}
+    if solution.converged:
+        intervals = estimate_intervals(values, solution.deviations, solution.quantile)[1]
+    unit = ""
+    if options.schedule:
+        unit = str(trial.trial[options.schedule].attrs.get("units", ""))
     schedule = {"variable": options.schedule or "", "variable_unit": unit}
-    delay, dynamics, means = solution.delay, parameters.dynamics, solution.means
-    inputs = ModelInputs(
-        RectifierBasis.fit(trial.velocity(delay), 1), delay, equations.rate, trial.rate
-    )
-    variable = options.schedule or (
-        options.cycle_onsets if isinstance(options.cycle_onsets, str) else None
-    )
-    varied = course.dimension, variable, np.array(course.limits), bases.all[0].degree
-    k, b, g, i = (parameters.linear[block] for block in bases.blocks)
-    model = TimeVaryingModel(
-        inputs, *varied, k, b, g, i, dynamics, parameters.lag, options.rest_position
-    )
-    reflex = {"delay": delay, "G": means.pop("G"), **dynamics.values}
-    intervals = estimate_intervals(means | reflex, solution.deviations, solution.quantile)[1]
     return Estimate(
         method="riv-tv",
         torque=model.torques(trial, equations.grid, course.place),
         stiffness=means,
         reflex=reflex,
-        intervals=intervals if solution.converged else {},
+        intervals=widen_intervals(intervals, values, alternatives),
         diagnostics={
             "order": options.order,
             "converged": solution.converged,
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
             "variation_p": solution.variation_p,
-            "excitation": excitation,
-            "torque_lag": parameters.lag,
+            "excitation": solution.find_excitation(places),
+            "torque_lag": solution.parameters.lag,
             "reference": options.reference,
-            "warnings": _warnings(solution, coordinate, curves),
+            **describe_alternatives(alternatives),
+            "warnings": [
+                *_warnings(trial, solution, coordinate, curves),
+                *warn_of_alternatives(alternatives, trial),
+            ],
         },
         predictor=model,
         trajectories=trajectory_dataset(course.dimension, coordinate, curves, **schedule),
     )
 
 
+def _make_model(
+    trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions
+) -> TimeVaryingModel:
+    """The solution as a model that predicts."""
+    equations = solution.equations
+    bases = equations.bases
+    parameters = solution.parameters
+    basis = RectifierBasis.fit(trial.velocity(solution.delay), degree=1)
+    variable = options.schedule
+    if isinstance(options.cycle_onsets, str):
+        variable = options.cycle_onsets
+    coefficients = {name: parameters.linear[block] for name, block in bases.blocks.items()}
+    return TimeVaryingModel(
+        inputs=ModelInputs(basis, solution.delay, equations.transform.rate, trial.rate),
+        dimension=equations.course.dimension,
+        variable=variable,
+        limits=np.array(equations.course.limits),
+        degree=bases.splines["K"].degree,
+        stiffness=coefficients["K"],
+        viscosity=coefficients["B"],
+        gain=coefficients["G"],
+        inertia=coefficients["I"],
+        dynamics=parameters.dynamics,
+        torque_lag=parameters.lag,
+        rest_position=options.rest_position,
+    )
+
+
 def _warnings(
-    solution: TimeVaryingSolution, coordinate: np.ndarray, curves: dict[str, np.ndarray]
+    trial: PreparedTrial,
+    solution: TimeVaryingSolution,
+    coordinate: np.ndarray,
+    curves: Mapping[str, np.ndarray],
 ) -> list[str]:
     """What the record does not show, or the search did not reach."""
-    equations, course, strength = solution.equations, solution.equations.course, solution.strength
+    equations = solution.equations
+    course = equations.course
     findings = check_slow_movement(
-        equations.position, course, equations.rate, equations.options.schedule
+        trial.motion(equations.grid)[0],
+        course,
+        equations.transform.rate,
+        equations.options.schedule,
     )
     warnings = [finding.text for finding in findings if finding.verdict != "ok"]
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(
             f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}."
         )
-    for name in equations.bases.names:
+    for name in equations.bases.trajectories:
         edges = np.flatnonzero(np.diff(np.isnan(curves[name]), prepend=False, append=False))
         ranges = [
             f"{coordinate[start]:.3g} to {coordinate[stop - 1]:.3g}"
@@ -156,12 +220,10 @@ def _warnings(
             warnings.append(
                 f"{name} is not identified at {course.dimension} {', '.join(ranges)}: it is hardly excited there."
             )
-    # The F statistic of the direction that the instruments explain least, which weak instruments have below 10.
-    independent = solution.system.torque.size * equations.share / equations.bases.size - 1.0
-    if strength**2 / max(1.0 - strength**2, 1e-12) * independent < WEAK:
+    if solution.weakness_f < WEAK:
         warnings.append(
-            f"the instruments are weak: their smallest canonical correlation with the regressors is {strength:.2g}. "
-            "Record more cycles, perturb more strongly, or take fewer knots."
+            "the instruments are weak: their smallest canonical correlation with the regressors is "
+            f"{solution.strength:.2g}. Record more cycles, perturb more strongly, or take fewer knots."
         )
     if not solution.converged:
         warnings.append(

@@ -7,29 +7,24 @@ from functools import cached_property
 
 import numpy as np
 from scipy import special
-from scipy.fft import irfft
 
-from ankleloop.joint.dynamics import GRIDS, ReflexDynamics, respond
-from ankleloop.methods.riv.alternatives import Alternative, compute_shifts
-from ankleloop.methods.riv.equations import Parameters, fit_grid
-from ankleloop.methods.riv_tv.equations import (
-    MEAN_SPLINES,
-    Motion,
-    TimeVaryingEquations,
-    WhitenedSystem,
-)
+from ankleloop.joint.dynamics import GRIDS, respond
+from ankleloop.methods.riv.equations import Parameters
+from ankleloop.methods.riv.start import fit_grid
+from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
+from ankleloop.methods.riv_tv.smoothing import choose_penalties
+from ankleloop.methods.riv_tv.whitening import POWER_FLOOR
+from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
 from ankleloop.signals.spectra import smooth
 
-INTEGRATION = 2001  # places at which squares of splines are summed
+INTEGRATION_PLACES = 2001  # at which squares of splines are summed
 IDENTIFIED = 0.03  # of the mean information about a parameter: less is not identified
-EFFECTS = ("lag", "high-pass", "friction", "compression", "direction", "delay")
-UNKNOWNS = {"lag": "torque_lag", "delay": "delay"}
 MOST_ROUNDS = 30
+FEWEST_ROUNDS = 3
 LARGEST_STEPS = {"omega_n": 0.3, "zeta": 0.3, "pole": 0.3, "delay": 0.008, "torque_lag": 0.004}
 CONVERGED = 0.02  # of its standard error: largest step of a parameter of the dynamics
-SMOOTHING_STEPS = 5  # of the penalties in one round
-LARGEST_PENALTY, SMALLEST_PENALTY = 1e8, 1e-8  # in units of the information over the penalty
+NEGLIGIBLE_STEP = 1e-5  # of the largest steps
 RENEWED = 1e-4  # s: change of the delay for which inputs are made again
 
 
@@ -46,11 +41,12 @@ class TimeVaryingSolution:
     converged: bool  # whether the dynamics of the reflex moved no more
 
     @cached_property
-    def _residual(self) -> np.ndarray:
+    def residual(self) -> np.ndarray:
+        """Whitened torque that is left, shape (rows,)."""
         return self.system.residual(self.parameters.linear)
 
     @cached_property
-    def _inverse(self) -> np.ndarray:
+    def inverse(self) -> np.ndarray:
         """Inverse of the penalised normal equations, shape (unknowns, unknowns)."""
         return solve_scaled(self.system.normal + self.penalty, np.eye(len(self.penalty)))
 
@@ -65,16 +61,13 @@ class TimeVaryingSolution:
         trajectories as rough as they say (Nychka, J. Am. Stat. Assoc. 83(404), 1134-1143, 1988). Weights from the noise
         are estimates themselves (`ankleloop.methods.riv.equations.Point.covariance`).
         """
-        course = self.equations.course
-        starts = np.searchsorted(course.segment, np.arange(course.segments))
-        scores = np.add.reduceat(self.system.instruments * self._residual, starts, axis=1)
+        cycles = self.equations.course.segments
+        starts = np.searchsorted(self.equations.course.segment, np.arange(cycles))
+        scores = np.add.reduceat(self.system.instruments * self.residual, starts, axis=1)
         scatter = scores @ scores.T + self.variance * self.penalty
-        factor = (
-            (1.0 + 2.0 * self.equations.smoothing_variance)
-            * course.segments
-            / (course.segments - 1.0)
-        )
-        return factor * self._inverse @ scatter @ self._inverse.T
+        few_cycles = cycles / (cycles - 1.0)
+        estimated_weights = 1.0 + 2.0 * self.equations.noise.weight_variance
+        return few_cycles * estimated_weights * self.inverse @ scatter @ self.inverse.T
 
     @property
     def delay(self) -> float:
@@ -84,7 +77,7 @@ class TimeVaryingSolution:
     @property
     def means(self) -> dict[str, float]:
         """Means of K, B, I and G over the record."""
-        return self.equations.means(self.parameters.linear)
+        return self.equations.bases.means(self.parameters.linear)
 
     @property
     def quantile(self) -> float:
@@ -94,238 +87,183 @@ class TimeVaryingSolution:
     @cached_property
     def strength(self) -> float:
         """Smallest canonical correlation of instruments and regressors."""
-        system, size = self.system, self.equations.bases.size
-        z, x = (np.linalg.qr(rows[:size].T)[0] for rows in (system.instruments, system.regressors))
-        return float(np.linalg.svd(z.T @ x, compute_uv=False)[-1])
+        size = self.equations.bases.size
+        instruments = np.linalg.qr(self.system.instruments[:size].T)[0]
+        regressors = np.linalg.qr(self.system.regressors[:size].T)[0]
+        return float(np.linalg.svd(instruments.T @ regressors, compute_uv=False)[-1])
+
+    @property
+    def weakness_f(self) -> float:
+        """F statistic of the direction that the instruments explain least (Staiger and Stock 1997)."""
+        size = self.equations.bases.size
+        independent = self.system.torque.size * self.equations.noise.share / size - 1.0
+        explained = self.strength**2
+        return explained / max(1.0 - explained, 1e-12) * independent
 
     @property
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the means of K, B, I and G, and of the other unknowns."""
-        size, names = self.equations.bases.size, (*"KBIG", *self.parameters.unknowns)
-        means, others = (
-            self._deviate(self.equations.mean_weights, slice(size)),
-            np.diag(self.covariance)[size:],
-        )
-        return dict(zip(names, [*means.tolist(), *np.sqrt(others).tolist()], strict=True))
+        bases = self.equations.bases
+        means = {
+            name: float(self._deviate(name, bases.mean_weights[name])) for name in bases.blocks
+        }
+        others = np.sqrt(np.diag(self.covariance)[bases.size :]).tolist()
+        return {**means, **dict(zip(self.parameters.unknowns, others, strict=True))}
 
-    def _deviate(self, weights: np.ndarray, block: slice) -> np.ndarray:
-        """Standard deviations of weighted sums of the parameters of a block, shapes (..., parameters) and (...)."""
-        return np.sqrt(
-            np.maximum(np.sum(weights @ self.covariance[block, block] * weights, axis=-1), 0.0)
-        )
+    def _deviate(self, name: str, weights: np.ndarray) -> np.ndarray:
+        """Standard deviations of weighted sums of the coefficients of a parameter, shapes (..., splines) and (...)."""
+        block = self.equations.bases.blocks[name]
+        variances = np.sum(weights @ self.covariance[block, block] * weights, axis=-1)
+        return np.sqrt(np.maximum(variances, 0.0))
 
-    def find_trajectories(
-        self, places: np.ndarray
-    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """Trajectories of what varies with the ends of their bands, nan where the record shows nothing; excitation.
-
-        The excitation is the information of the record about a trajectory over its mean, for splines of equal size.
+    def find_trajectories(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """What varies, with the ends of its bands: K, K_low, K_high, …; nan where the record shows nothing.
 
         Shapes: places (places,); returns (places,).
         """
-        bases, information = self.equations.bases, np.diag(self.system.information)
-        values, excitation = {}, {}
-        for name, splines, block in zip(bases.names, bases.all, bases.blocks, strict=False):
-            weights = splines(places)
-            density = information[block] / np.mean(
-                splines(np.linspace(0.0, 1.0, INTEGRATION)) ** 2, axis=0
-            )
-            excitation[name] = weights @ (
-                density / max(float(np.mean(density)), np.finfo(float).tiny)
-            )
-            curve = weights @ self.parameters.linear[block]
+        bases = self.equations.bases
+        excitation = self.find_excitation(places)
+        curves = {}
+        for name in bases.trajectories:
+            weights = bases.splines[name](places)
+            curve = weights @ self.parameters.linear[bases.blocks[name]]
             curve[excitation[name] < IDENTIFIED] = np.nan
-            margin = self.quantile * self._deviate(weights, block) if self.converged else np.nan
-            values[name], values[f"{name}_low"], values[f"{name}_high"] = (
-                curve,
-                curve - margin,
-                curve + margin,
-            )
-        return values, excitation
+            margin = self.quantile * self._deviate(name, weights) if self.converged else np.nan
+            curves[name] = curve
+            curves[f"{name}_low"] = curve - margin
+            curves[f"{name}_high"] = curve + margin
+        return curves
+
+    def find_excitation(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Information of the record about each trajectory over its mean, for splines of equal size.
+
+        Shapes: places (places,); returns (places,).
+        """
+        bases = self.equations.bases
+        information = np.diag(self.system.information)
+        excitation = {}
+        for name in bases.trajectories:
+            splines = bases.splines[name]
+            squares = splines(np.linspace(0.0, 1.0, INTEGRATION_PLACES)) ** 2
+            density = information[bases.blocks[name]] / squares.mean(axis=0)
+            mean = max(float(density.mean()), np.finfo(float).tiny)
+            excitation[name] = splines(places) @ (density / mean)
+        return excitation
 
     @property
     def variation_p(self) -> dict[str, float]:
         """Probability of a variation at least as large as the one that was seen, if K, B and G were constant.
 
-        A score test: the equations are solved for constant parameters, with the weights and the dynamics of the
-        solution, and the left sides of those for the contrasts of the splines are compared with their covariance, which
-        the spectrum of the residual gives.
+        Of each of them that has several splines, and of all of these. A score test: the equations are solved for
+        constant parameters, with the weights and the dynamics of the solution, and the left sides of those for the
+        contrasts of the splines are compared with their covariance, which the spectrum of the residual gives.
         """
-        e, system = self.equations, self.system
-        coloured = e.colour(system.instruments, self._residual)
+        noise = self.equations.noise
+        coloured = noise.colour(self.system.instruments, self.residual)
         # The spectrum is an estimate, by which left sides scatter more.
-        scatter = (
-            self.variance
-            * (1.0 + e.band.smoothing_variance(e.resolution))
-            * (coloured @ coloured.T)
-        )
+        variance = self.variance * (1.0 + noise.spectrum_variance)
         # The first direction of each block is its constant, the others are its contrasts.
-        rotation, contrasts = np.eye(len(scatter)), {}
-        for name, block in zip("KBG", e.bases.blocks, strict=False):
-            rotation[block, block] = np.linalg.svd(np.ones((1, block.stop - block.start)))[2]
-            contrasts[name] = np.arange(block.start + 1, block.stop)
+        unknowns = len(coloured)
+        rotation = np.eye(unknowns)
+        contrasts = {}
+        for name in ("K", "B", "G"):
+            block = self.equations.bases.blocks[name]
+            size = block.stop - block.start
+            if size > 1:
+                rotation[block, block] = np.linalg.svd(np.ones((1, size)))[2]
+                contrasts[name] = np.arange(block.start + 1, block.stop)
+        if not contrasts:
+            return {}
         contrasts["all"] = np.concatenate(list(contrasts.values()))
-        normal, scatter = rotation @ system.normal @ rotation.T, rotation @ scatter @ rotation.T
-        side, values = rotation @ system.side, {}
-        for name, tested in contrasts.items():
-            free = np.setdiff1d(np.arange(len(side)), tested)
-            rows = np.eye(len(side))[tested]
-            rows[:, free] = -normal[np.ix_(tested, free)] @ solve_scaled(
-                normal[np.ix_(free, free)], np.eye(free.size)
-            )
-            statistic = (rows @ side) @ solve_scaled(rows @ scatter @ rows.T, rows @ side)
-            values[name] = float(special.chdtrc(tested.size, statistic))
-        return values
+        normal = rotation @ self.system.normal @ rotation.T
+        scatter = variance * rotation @ (coloured @ coloured.T) @ rotation.T
+        side = rotation @ self.system.side
+        return {
+            name: _score_test(normal, side, scatter, tested) for name, tested in contrasts.items()
+        }
 
-    def find_alternatives(self) -> list[Alternative]:
-        """Effects with their scores, and how far the means of K, B, I and G move with one step towards each of them."""
-        e, system, linear = self.equations, self.system, self.parameters.linear
-        whiten = e.noise_whitener(self.parameters)
-        scale = np.sqrt(self.variance * (1.0 + e.smoothing_variance))
-        predicted = self.parameters.torque(e.predicted.spectra, e.predicted.drive, e.s)
-        sides = (e.measured, e.lead(self.parameters)), (e.predicted, predicted)
-        effects = [
-            effect for effect in EFFECTS if UNKNOWNS.get(effect) not in self.parameters.delays
-        ]
-        alternatives = []
-        for effect in effects:
-            regressor, instrument = (whiten(self._respond(effect, *side)) for side in sides)
-            instrument = (
-                instrument - (instrument @ system.regressors.T) @ self._inverse @ system.instruments
-            )
-            left = instrument @ self._residual
-            score = left / (scale * np.linalg.norm(e.colour(instrument, self._residual)))
-            step = left / (instrument @ regressor)
-            moved = -step * (self._inverse @ (system.instruments @ regressor))
-            shifts = compute_shifts(self.means, e.means(linear + moved[: linear.size]))
-            alternatives.append(Alternative(effect, float(step), float(score), shifts))
-        return alternatives
 
-    def _respond(self, effect: str, motion: Motion, torque: np.ndarray) -> np.ndarray:
-        """Transform of the derivative of the torque with respect to an effect, by a motion and the torque of it."""
-        e, parameters = self.equations, self.parameters
-        s, velocity = np.where(e.inside, e.s, 1.0), motion.signals[1]
-        if effect == "lag":
-            return -s * torque
-        if effect == "high-pass":
-            return -torque / s
-        if effect == "compression":
-            return -e.spectra(irfft(torque, e.size)[: e.grid.samples] ** 3)
-        if effect == "friction":
-            return e.spectra(np.sign(velocity))
-        response = parameters.responses(e.s)[0]
-        if effect == "delay":
-            return -s * response * (parameters.linear[e.bases.blocks[2]] @ motion.drive)
-        late = np.exp(-e.s * e.delay)
-        return response * (e.spectra(motion.rectify(e.delay)) - late * e.spectra(velocity))
+def _score_test(
+    normal: np.ndarray, side: np.ndarray, scatter: np.ndarray, tested: np.ndarray
+) -> float:
+    """Probability of left sides of the tested equations that are at least as large, if their unknowns were zero.
+
+    Shapes: normal, scatter (unknowns, unknowns), side (unknowns,), tested (numbers of unknowns,).
+    """
+    free = np.setdiff1d(np.arange(side.size), tested)
+    inverse = solve_scaled(normal[np.ix_(free, free)], np.eye(free.size))
+    rows = np.eye(side.size)[tested]
+    rows[:, free] = -normal[np.ix_(tested, free)] @ inverse
+    left = rows @ side
+    statistic = left @ solve_scaled(rows @ scatter @ rows.T, left)
+    return float(special.chdtrc(tested.size, statistic))
 
 
 def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
     """Solve the equations, from the best of a grid of dynamics for constant parameters.
 
     A round solves the linear equations with weights and instruments of the point where it begins, chooses the
-    penalties (`choose_penalties`), makes a step of the dynamics and of the delays, and renews the weights.
+    penalties (`choose_penalties`), makes a step of the dynamics and of the delays, and renews the weights. The round
+    after the last step is for the linear parameters alone.
     """
-    options = equations.options
-    linear, dynamics = _fit_constants(equations)
-    delays = ("delay",) * (options.delay is None) + ("torque_lag",) * (options.torque_lag is None)
-    parameters = Parameters(linear, dynamics, lag=options.torque_lag or 0.0, delays=delays)
+    parameters = _find_start(equations)
+    size = parameters.linear.size
     largest = np.array([LARGEST_STEPS[name] for name in parameters.unknowns])
-    converged, penalties = False, np.zeros(0)
-    for count in range(1, MOST_ROUNDS + 1):
+    converged = False
+    penalties = None
+    for number in range(1, MOST_ROUNDS + 1):
         system = equations.system(parameters, equations.noise_whitener(parameters))
-        solution, penalties, variance = choose_penalties(equations, system, penalties)
-        linear, step = np.split(solution, [linear.size])
+        solution = choose_penalties(equations, system, penalties)
+        penalties = solution.penalties
+        linear, step = np.split(solution.values, [size])
         if converged:
             parameters = replace(parameters, linear=linear)
             break
         inverse = solve_scaled(system.information, np.eye(len(system.information)))
-        errors = np.sqrt(np.maximum(variance * np.diag(inverse)[linear.size :], 1e-300))
-        small = np.max(np.abs(step) / errors) < CONVERGED or np.max(np.abs(step) / largest) < 1e-5
-        converged = bool(small) and count > 2
+        errors = np.sqrt(np.maximum(solution.variance * np.diag(inverse)[size:], 1e-300))
+        small = np.max(np.abs(step) / errors) < CONVERGED
+        negligible = np.max(np.abs(step) / largest) < NEGLIGIBLE_STEP
+        converged = number >= FEWEST_ROUNDS and bool(small or negligible)
         # The columns of the dynamics are those of the linear parameters where the round begins.
-        limited = np.concatenate([linear - parameters.linear, np.clip(step, -largest, largest)])
-        parameters = parameters.add(limited).limit_delay(equations.delay)
+        limited = np.clip(step, -largest, largest)
+        whole_step = np.concatenate([linear - parameters.linear, limited])
+        parameters = parameters.add(whole_step).limit_delay(equations.delay)
         if abs(parameters.shift) > RENEWED:
-            equations.set_delay(equations.delay + parameters.shift)
+            equations = equations.with_delay(equations.delay + parameters.shift)
             parameters = replace(parameters, shift=0.0)
-    penalty = equations.bases.penalty(penalties, len(solution))
-    return TimeVaryingSolution(equations, parameters, system, penalty, variance, count, converged)
+    return TimeVaryingSolution(
+        equations=equations,
+        parameters=parameters,
+        system=system,
+        penalty=equations.bases.penalty(solution.penalties, len(solution.values)),
+        variance=solution.variance,
+        rounds=number,
+        converged=converged,
+    )
 
 
-def _fit_constants(equations: TimeVaryingEquations) -> tuple[np.ndarray, ReflexDynamics]:
-    """Linear parameters that are constant, by the predicted inputs, and the best dynamics of a grid."""
-    predicted, inside, (k, b, g, i) = equations.predicted, equations.inside, equations.bases.blocks
-    motion = [predicted.spectra[block].sum(axis=0) for block in (k, b, i)]
-    inputs = np.stack([*motion, predicted.drive.sum(axis=0)])[:, inside]
-    s, target, grid = equations.s[inside], equations.torque[inside], GRIDS[equations.options.order]
-    width, noise = equations.resolution * equations.size / equations.rate, np.ones(target.size)
-    responses = respond(grid, s)
+def _find_start(equations: TimeVaryingEquations) -> Parameters:
+    """Parameters to begin with: constant linear ones, by the predicted inputs, and the best dynamics of a grid."""
+    options = equations.options
+    noise = equations.noise
+    inputs = equations.predicted
+    grid = GRIDS[options.order]
+    blocks = equations.bases.blocks
+    intrinsic = [inputs.intrinsic[blocks[name]].sum(axis=0) for name in STIFFNESS]
+    spectra = np.stack([*intrinsic, inputs.drive.sum(axis=0)])[:, noise.inside]
+    torque = equations.torque[noise.inside]
+    responses = respond(grid, equations.transform.s[noise.inside])
+    no_delays = np.ones((1, torque.size))
+    width = noise.resolution * equations.transform.size / equations.transform.rate
+    power = np.ones(torque.size)
     for _ in range(2):
-        values, best, residual = fit_grid(inputs, target, responses, np.ones((1, s.size)), noise)
-        noise = smooth(np.abs(residual) ** 2, width)
-        noise = np.maximum(noise, 1e-10 * noise.max())
-    return np.repeat(values, [block.stop - block.start for block in (k, b, i, g)]), grid[best]
-
-
-def choose_penalties(
-    equations: TimeVaryingEquations, system: WhitenedSystem, penalties: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    r"""Penalties by restricted likelihood, and the solution with them (Wood and Fasiolo 2017).
-
-    .. math:: \lambda \leftarrow c s^2 \frac{rank(S) - \lambda\, tr(V S) / s^2}{\theta^T S \theta}, \quad
-              V = s^2 (Z^T Z + S_\lambda)^{-1}
-
-    The factor c is 1 for noise weights; for flat ones it is the variance of the noise where the regressors of the
-    parameter have their power, over its mean: low frequencies show K and G, and flat weights leave the noise large
-    there. Without penalties, as in the first round, they begin by weighing as much as the data.
-
-    Shapes: penalties (4,); returns solution (unknowns,), penalties (4,).
-    """
-    bases, unknowns, course = equations.bases, len(system.normal), equations.course
-    parts, information = (
-        list(zip(bases.all, bases.blocks, strict=True)),
-        np.diag(system.information),
+        constants, best, residual = fit_grid(spectra, torque, responses, no_delays, power)
+        power = smooth(np.abs(residual) ** 2, width)
+        power = np.maximum(power, POWER_FLOOR * power.max())
+    delays = {"delay": options.delay, "torque_lag": options.torque_lag}
+    return Parameters(
+        linear=np.repeat(constants, [splines.size for splines in equations.bases.splines.values()]),
+        dynamics=grid[best],
+        lag=options.torque_lag or 0.0,
+        delays=tuple(name for name, value in delays.items() if value is None),
     )
-    typical = np.array(
-        [
-            np.sum(information[block]) / max(np.trace(splines.penalty), 1.0)
-            for splines, block in parts
-        ]
-    )
-    penalties, factors = penalties if penalties.size else typical, np.ones(len(parts))
-    freedom = (
-        system.torque.size - (course.equal_cycles or MEAN_SPLINES)
-    ) * equations.share - unknowns
-    for step in range(SMOOTHING_STEPS):
-        penalty = bases.penalty(penalties, unknowns)
-        solution = solve_scaled(system.normal + penalty, system.side)
-        residual = system.torque - solution @ system.regressors
-        variance = float(residual @ residual / max(freedom, 1.0))
-        if step == 0 and equations.options.weighting == "flat":
-            instruments = system.instruments[: bases.size]
-            coloured = equations.colour(instruments, system.residual(solution[: bases.size]))
-            factors = np.array(
-                [
-                    np.sum(coloured[block] ** 2) / np.sum(instruments[block] ** 2)
-                    for _, block in parts
-                ]
-            )
-        inverse = solve_scaled(system.information + penalty, np.eye(unknowns))
-        rough = np.array(
-            [solution[block] @ splines.penalty @ solution[block] for splines, block in parts]
-        )
-        traces = np.array(
-            [np.trace(inverse[block, block] @ splines.penalty) for splines, block in parts]
-        )
-        ranks = np.array([splines.rank for splines in bases.all])
-        values = (
-            factors
-            * variance
-            * np.maximum(ranks - penalties * traces, 1e-10)
-            / np.maximum(rough, 1e-300)
-        )
-        penalties = np.where(
-            ranks > 0, np.clip(values, SMALLEST_PENALTY * typical, LARGEST_PENALTY * typical), 0.0
-        )
-    return solution, penalties, variance

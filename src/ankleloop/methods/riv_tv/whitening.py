@@ -1,0 +1,122 @@
+"""From spectra to whitened signals: the transform, the weights, and the noise that they are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+from scipy.fft import irfft, next_fast_len, rfft
+
+from ankleloop.joint.time_varying_course import Course, Splines
+from ankleloop.signals.spectra import pass_band
+
+PADDING = 1.0  # s of zeros behind a record, in which responses end
+NOISE_RESOLUTION = 0.4  # Hz over which the spectrum of the noise is smoothed
+FEWEST_BINS = 20  # frequencies over which it is, in a short record
+LEVEL_SPLINES = 8  # of the level of the noise
+DEPENDENT_SPLINES = 1e-6  # of the largest singular value
+LOWEST_LEVEL = 0.05  # of the mean level of the noise
+POWER_FLOOR = 1e-10  # of the largest power of the noise
+
+
+class PaddedTransform:
+    """Fourier transform of decimated records, with zeros behind them."""
+
+    def __init__(self, samples: int, rate: float) -> None:
+        self.samples = samples
+        self.rate = rate  # of the samples [Hz]
+        self.size = int(next_fast_len(samples + round(PADDING * rate), real=True))
+        self.frequency = np.fft.rfftfreq(self.size, 1.0 / rate)  # [Hz], shape (frequencies,)
+        self.s = 2j * np.pi * self.frequency  # Laplace variable [rad/s]
+
+    def spectra(self, signals: np.ndarray) -> np.ndarray:
+        """Transforms of signals, shape (..., frequencies)."""
+        return rfft(signals, self.size)
+
+    def signals(self, spectra: np.ndarray) -> np.ndarray:
+        """Signals of transforms, shape (..., samples)."""
+        return irfft(spectra, self.size)[..., : self.samples]
+
+
+@dataclass(frozen=True, eq=False)
+class Weighting:
+    """Makes signals of spectra: frequencies are multiplied by a weight, and times divided by a level."""
+
+    transform: PaddedTransform
+    rows: slice  # samples that count
+    weight: np.ndarray | float = 1.0  # shape (frequencies,)
+    level: np.ndarray | float = 1.0  # shape (rows,)
+
+    def __call__(self, spectra: np.ndarray) -> np.ndarray:
+        """Weighted signals of spectra, shape (..., rows)."""
+        return self.transform.signals(self.weight * spectra)[..., self.rows] / self.level
+
+
+class NoiseModel:
+    """How spectrum and level of the noise are estimated, and the weights that whiten it."""
+
+    def __init__(self, course: Course, transform: PaddedTransform, weighting: str) -> None:
+        rows = course.rows
+        samples = rows.stop - rows.start
+        frequency = transform.frequency
+        self.transform = transform
+        self.rows = rows
+        self.weighting = weighting  # "noise" or "flat"
+        self.band = pass_band(samples, transform.rate)
+        self.resolution = max(NOISE_RESOLUTION, FEWEST_BINS * transform.rate / samples)  # [Hz]
+        # Variance of the smoothed spectrum over its square.
+        self.spectrum_variance = self.band.smoothing_variance(self.resolution)
+        self.inside = (frequency >= self.band.lowest) & (frequency <= self.band.highest)
+        # So many independent values a whitened sample has.
+        self.share = float(np.mean(self.inside))
+        # Splines of the level over the place, and the matrix that fits them.
+        self._level_splines = Splines(LEVEL_SPLINES, course.periodic)(course.place[rows])
+        self._level_fit = linalg.pinv(self._level_splines, rtol=DEPENDENT_SPLINES)
+
+    @property
+    def weight_variance(self) -> float:
+        """Variance of the weights of frequencies over their square; flat ones have none."""
+        return 0.0 if self.weighting == "flat" else self.spectrum_variance
+
+    def spectrum(self, noise: np.ndarray) -> np.ndarray:
+        """Smoothed spectrum of the noise at the frequencies of the band [(N·m)²], white noise having its variance."""
+        periodogram = np.abs(self.band.transform(noise)) ** 2
+        power = self.band.smooth(periodogram, self.resolution) / np.sum(self.band.taper**2)
+        return np.maximum(power, POWER_FLOOR * power.max())
+
+    def whiten(self, noise: np.ndarray) -> Weighting:
+        """Weights that make noise white: the inverse of its spectrum, and of its level as a function of the place.
+
+        Shapes: noise (rows,).
+        """
+        spectrum = self.spectrum(noise)
+        if self.weighting == "flat":
+            return self.weigh(np.full(self.inside.size, spectrum.mean()))
+        power = np.interp(self.transform.frequency, self.band.frequency, spectrum)
+        stationary = self.weigh(power)
+        padded = np.zeros(self.transform.samples)
+        padded[self.rows] = noise
+        white_power = stationary(self.transform.spectra(padded)) ** 2
+        mean = float(np.mean(white_power))
+        level = self._level_splines @ (self._level_fit @ white_power) / mean
+        return self.weigh(power, np.sqrt(np.maximum(level, LOWEST_LEVEL)))
+
+    def weigh(self, power: np.ndarray, level: np.ndarray | float = 1.0) -> Weighting:
+        """Weights that are the inverse of a power within the band, and zero elsewhere.
+
+        Shapes: power (frequencies,), level (rows,).
+        """
+        weight = np.where(self.inside, 1.0 / np.sqrt(power), 0.0)
+        return Weighting(self.transform, self.rows, weight, level)
+
+    def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """Whitened signals with the spectrum of a whitened residual over its mean, shape (..., rows).
+
+        Noise weights leave about white noise, flat ones its colour.
+        """
+        spectrum = self.spectrum(residual)
+        frequency = np.fft.rfftfreq(residual.size, 1.0 / self.transform.rate)
+        relative = spectrum / spectrum.mean()
+        power = np.interp(frequency, self.band.frequency, relative, left=0.0, right=0.0)
+        return irfft(np.sqrt(power) * rfft(signals), residual.size)

@@ -1,0 +1,146 @@
+"""The solution of `riv-tv`: its covariance, the strength of its instruments, its tests, and what its model may lack."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import linalg
+from scipy import signal as sps
+
+from ankleloop import identify, new_trial, simulate
+from ankleloop.assessment.scores import parameter_row
+from ankleloop.joint.prepared import prepare
+from ankleloop.methods.riv.equations import Parameters
+from ankleloop.methods.riv_tv.alternatives import find_alternatives
+from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
+from ankleloop.methods.riv_tv.options import RivTvOptions
+from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
+
+CYCLES = {"variation": "cycle", "duration": 31.0, "stiffness_variation": 0.4, "movement": 0.1}
+
+
+def solve(trial, **options):
+    options = RivTvOptions(**{"cycle_onsets": "phase"} | options)
+    return solve_time_varying(TimeVaryingEquations(prepare(trial), options))
+
+
+@pytest.fixture(scope="module")
+def trial():
+    return simulate(seed=3, snr_db=30.0, **CYCLES)
+
+
+@pytest.fixture(scope="module")
+def solution(trial):
+    return solve(trial)
+
+
+def with_torque(trial, torque):
+    channels = [trial[name].to_numpy() for name in ("position", "reference")]
+    return new_trial(channels[0], torque, 1000.0, channels[1], phase=trial["phase"].to_numpy())
+
+
+def high_pass(trial):
+    return sps.lfilter(*sps.butter(1, 0.1, "high", fs=1000.0), trial["torque"].to_numpy())
+
+
+def add_friction(trial):
+    velocity = np.gradient(trial["position"].to_numpy(), 1e-3)
+    return trial["torque"].to_numpy() + 0.15 * np.sign(velocity)
+
+
+def delay(trial):
+    return np.roll(trial["torque"].to_numpy(), 1)
+
+
+@pytest.mark.parametrize(
+    ("effect", "fault", "size", "names"),
+    [
+        ("lag", delay, 0.001, "KBIG"),
+        ("high-pass", high_pass, 2 * np.pi * 0.1, "BG"),
+        ("friction", add_friction, 0.15, "BG"),
+    ],
+)
+def test_a_step_towards_an_effect_goes_where_the_record_without_it_is(
+    trial, solution, effect, fault, size, names
+):
+    """The fit to the same record before the fault is the truth."""
+    faulty = solve(with_torque(trial, fault(trial)))
+    (alternative,) = [found for found in find_alternatives(faulty) if found.effect == effect]
+    assert alternative.significant
+    assert alternative.value == pytest.approx(size, rel=0.2)
+    for name in names:
+        shift = solution.means[name] / faulty.means[name] - 1.0
+        assert alternative.shifts[name] == pytest.approx(shift, rel=0.25), name
+
+
+def test_an_estimated_lag_moves_the_means_by_the_shift(trial):
+    late = with_torque(trial, delay(trial))
+    fixed, freed = solve(late), solve(late, torque_lag=None)
+    (alternative,) = [found for found in find_alternatives(fixed) if found.effect == "lag"]
+    assert freed.parameters.lag == pytest.approx(0.001, abs=2e-4)
+    for name in "BIG":
+        shift = freed.means[name] / fixed.means[name] - 1.0
+        assert alternative.shifts[name] == pytest.approx(shift, rel=0.25), name
+
+
+def test_the_covariance_of_a_mean_is_that_of_the_means_of_cycles(solution):
+    """One unknown, a constant: its variance is that of n means over n, times what estimated weights add.
+
+    The variance of a smoothed periodogram over its square is that of white noise by a random generator.
+    """
+    rng = np.random.default_rng(1)
+    equations = solution.equations
+    course = equations.course
+    means = rng.standard_normal(course.segments)
+    torque = means[course.segment]
+    constant = np.ones((1, torque.size))
+    mean = replace(
+        solution,
+        parameters=Parameters(np.array([torque.mean()]), solution.parameters.dynamics),
+        system=WhitenedSystem(constant, constant, torque),
+        penalty=np.zeros((1, 1)),
+    )
+    spectra = np.array(
+        [equations.noise.spectrum(rng.standard_normal(torque.size)) for _ in range(600)]
+    )
+    relative = np.mean(np.var(spectra, axis=0) / np.mean(spectra, axis=0) ** 2)
+    expected = np.var(means, ddof=1) / means.size * (1.0 + 2.0 * relative)
+    assert mean.covariance.item() == pytest.approx(expected, rel=0.008)
+    assert relative > 0.02  # or the last factor would not be seen
+
+
+def test_the_strength_of_instruments_is_the_f_of_the_worst_regressor(solution):
+    """By a generalised eigenvalue problem, and an ordinary regression of the direction that it gives."""
+    size = solution.equations.bases.size
+    instruments, regressors = solution.system.instruments[:size], solution.system.regressors[:size]
+    cross = regressors @ instruments.T
+    explained = cross @ np.linalg.solve(instruments @ instruments.T, cross.T)
+    _, directions = linalg.eigh(explained, regressors @ regressors.T)
+    worst = directions[:, 0] @ regressors
+    coefficients = np.linalg.lstsq(instruments.T, worst, rcond=None)[0]
+    residual = worst - coefficients @ instruments
+    frequency = np.fft.rfftfreq(worst.size, 0.01)
+    band = np.mean((frequency >= 0.05) & (frequency <= 38.0))
+    independent = band * worst.size
+    numerator = (np.sum(worst**2) - np.sum(residual**2)) / size
+    f = numerator / (np.sum(residual**2) / (independent - size))
+    assert solution.weakness_f == pytest.approx(f, rel=0.01)
+
+
+@pytest.mark.parametrize(("statistic", "warned"), [(9.9, True), (10.1, False)])
+def test_instruments_are_weak_below_an_f_of_ten(trial, monkeypatch, statistic, warned):
+    monkeypatch.setattr(TimeVaryingSolution, "weakness_f", statistic)
+    warnings = identify(trial, "riv-tv", cycle_onsets="phase").diagnostics["warnings"]
+    assert any("the instruments are weak" in text for text in warnings) is warned
+
+
+@pytest.mark.parametrize(("knots", "tested"), [((1, 5, 5), {"B", "G", "all"}), ((1, 1, 1), set())])
+def test_what_cannot_vary_has_no_probability_of_a_variation(trial, knots, tested):
+    estimate = identify(
+        trial, "riv-tv", cycle_onsets="phase", knots=knots, interpolation="constant"
+    )
+    probabilities = estimate.diagnostics["variation_p"]
+    assert set(probabilities) == tested
+    assert np.all(np.isfinite(list(probabilities.values())))
+    row = parameter_row(trial, estimate)
+    assert row.get("variation_p") == probabilities.get("all")
