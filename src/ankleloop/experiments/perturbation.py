@@ -17,7 +17,7 @@ from ankleloop.errors import DataError, UnstableLoopError
 from ankleloop.experiments.experiment import LOST, Experiment, describe_joint
 from ankleloop.joint.estimate import Estimate
 from ankleloop.options import check_flag, check_integer, check_number, check_path
-from ankleloop.simulation.settings import DWELLS
+from ankleloop.simulation.settings import DWELL_TIMES
 from ankleloop.trials.files import atomic_file
 
 PARAMETERS = ("K", "B", "G")
@@ -234,7 +234,7 @@ def design_perturbation(
         )
         warnings.warn(text, UserWarning, stacklevel=2)
     return PerturbationDesign(
-        weights=dict(zip(DWELLS, weights.tolist(), strict=True)),
+        weights=dict(zip(DWELL_TIMES, weights.tolist(), strict=True)),
         amplitude=reached,
         time_ratio=ratios,
         standard_errors={name: (variance / longer) ** 0.5 for name, variance in variances.items()},
@@ -266,7 +266,7 @@ def _search(
     All children of a generation have the same random numbers, and every generation has others.
     """
     rng = np.random.default_rng(seed)
-    size = len(DWELLS)
+    size = len(DWELL_TIMES)
     mean, path, spread = np.zeros(size), np.zeros(size), 1.0
     shares = np.log(PARENTS + 0.5) - np.log(np.arange(1, PARENTS + 1))
     shares /= shares.sum()

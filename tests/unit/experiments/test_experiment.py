@@ -17,7 +17,7 @@ from ankleloop import (
 )
 from ankleloop.experiments import perturbation
 from ankleloop.experiments.experiment import Experiment, describe_joint
-from ankleloop.simulation.settings import DWELLS, SimulationSettings
+from ankleloop.simulation.settings import DWELL_TIMES, SimulationSettings
 from ankleloop.simulation.simulate import draw_perturbation
 
 LIGHT = {"load": (0.1, 10.0, 100.0), "voluntary": 0.3, "duration": 12.0}
@@ -76,6 +76,27 @@ def test_an_own_command_replaces_the_perturbation():
     np.testing.assert_allclose(once["position"], twice["position"][6000:], atol=1e-12)
 
 
+def test_an_own_command_has_its_own_duration():
+    command = 0.01 * np.sin(np.arange(6000) / 300)
+    trial = simulate(seed=5, command=command)
+    assert trial.attrs["duration"] == 6.0
+    assert trial.identical(simulate(seed=5, command=command, duration=6.0))
+    assert simulate(seed=5, command=command, recording_rate=2000.0).attrs["duration"] == 3.0
+    with pytest.raises(DataError, match=r"7000 finite numbers .*for a duration of 7 s.*leave out"):
+        simulate(seed=5, command=command, duration=7.0)
+    with pytest.raises(DataError, match="6000 finite numbers"):
+        simulate(seed=5, command=np.full(6000, np.nan))
+
+
+def test_a_command_of_another_rate_is_refused():
+    command = simulate(seed=5, duration=6.0, recording_rate=2000.0)["reference"]
+    with pytest.raises(
+        DataError, match=r"command has 2000 samples a second, .*recording_rate=2000"
+    ):
+        simulate(seed=5, command=command)
+    assert simulate(seed=5, command=command, recording_rate=2000.0).attrs["duration"] == 6.0
+
+
 @given(
     weights=st.lists(st.floats(0.0, 1.0), min_size=11, max_size=11).filter(
         lambda values: max(values) > 0.01
@@ -88,10 +109,10 @@ def test_dwell_times_follow_their_weights(weights):
     assert set(np.unique(command)) == {-0.02, 0.02}
     lengths, counts = np.unique(np.diff(np.flatnonzero(np.diff(command)))[:-1], return_counts=True)
     found = dict(zip((lengths / 1000).tolist(), counts / counts.sum(), strict=True))
-    assert set(found) <= set(DWELLS)
+    assert set(found) <= set(DWELL_TIMES)
     shares = np.array(weights) / sum(weights)
     margins = 5 * np.sqrt(shares * (1 - shares) / counts.sum()) + 1e-9
-    assert np.all(np.abs([found.get(dwell, 0.0) for dwell in DWELLS] - shares) <= margins)
+    assert np.all(np.abs([found.get(dwell, 0.0) for dwell in DWELL_TIMES] - shares) <= margins)
 
 
 @given(
