@@ -99,8 +99,17 @@ def cramer_rao(
     names, information = fisher_information(
         clean, values, rate, fed_back=fed_back, known_delay=known_delay
     )
-    deviations = np.sqrt(np.diag(invert_information(information, names)))
-    return dict(zip(names, deviations.tolist(), strict=True))
+    variances = parameter_variances(names, information)
+    return {name: float(np.sqrt(variance)) for name, variance in variances.items()}
+
+
+def parameter_variances(names: Sequence[str], information: np.ndarray) -> dict[str, float]:
+    """Smallest variance of every parameter.
+
+    Shapes: information (parameters, parameters).
+    """
+    covariance = invert_information(information, names)
+    return dict(zip(names, np.diag(covariance).tolist(), strict=True))
 
 
 def invert_information(information: np.ndarray, names: Sequence[str] | None = None) -> np.ndarray:

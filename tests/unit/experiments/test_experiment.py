@@ -13,6 +13,7 @@ from ankleloop import (
     cramer_rao,
     design_perturbation,
     identify,
+    plan_duration,
     simulate,
 )
 from ankleloop.experiments import perturbation
@@ -153,6 +154,24 @@ def test_the_spectrum_of_a_pilot_is_that_of_the_simulation():
     np.testing.assert_allclose([found[name] / expected[name] for name in "KBG"], 1.0, atol=0.3)
 
 
+def test_a_planned_record_with_a_new_sequence():
+    joint = {"load": (0.1, 10.0, 100.0), "voluntary": 0.3}
+    design = design_perturbation(joint, progress=lambda generations: [])
+    plan = plan_duration(design, {"K": 0.04})
+    assert plan.seconds != design.seconds
+    command = design.draw(seed=1, seconds=plan.seconds)
+    trial = simulate(seed=1, duration=plan.seconds, command=command, **joint)
+    assert trial.identical(simulate(seed=1, command=command, **joint))
+    assert trial.attrs["duration"] == plan.seconds
+    steps = command.values / abs(command[0].item())
+    own = design.draw(seed=1)
+    assert own.sizes["time"] == 1000 * design.seconds
+    shared = min(steps.size, own.size)  # a longer sequence begins as a shorter one
+    np.testing.assert_allclose(steps[:shared], (own.values / abs(own[0].item()))[:shared])
+    with pytest.raises(ValueError, match="draw: seconds must be between 1 and 3600 s, got 0"):
+        design.draw(seed=1, seconds=0)
+
+
 def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
     monkeypatch.setattr(perturbation, "GENERATIONS", 4)
     joint = {"load": (0.1, 10.0, 100.0), "voluntary": 0.3}
@@ -187,6 +206,9 @@ def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
     written = scipy.io.loadmat(tmp_path / "command.mat", squeeze_me=True)
     np.testing.assert_allclose(written["command"], second)
     assert written["fs"] == 1000.0
+    design.save(tmp_path / "longer.csv", seed=2, seconds=30.0)
+    longer = pd.read_csv(tmp_path / "longer.csv")["command"]
+    np.testing.assert_allclose(longer, design.draw(2, seconds=30.0))
     with pytest.raises(DataError, match="exists already"):
         design.save(tmp_path / "command.csv", seed=3)
 
