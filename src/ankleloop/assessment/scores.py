@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import permutations
 from typing import Any, Literal
 
@@ -176,7 +176,14 @@ def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict
     if {"omega_n", "zeta"} <= set(settings) and "poles" in diagnostics:
         row |= _pole_error(np.asarray(diagnostics["poles"]), estimate, settings)
     if "selection" in diagnostics:
-        row |= _unseen_scores(**diagnostics["selection"])
+        selection = diagnostics["selection"]
+        chosen = selection["chosen"].items()
+        scores = next(
+            candidate["scores"]
+            for candidate in selection["candidates"]
+            if chosen <= candidate.items()
+        )
+        row |= {f"unseen_{name.replace('-', '_')}": score for name, score in scores.items()}
     if "variation_p" in diagnostics:
         row["variation_p"] = diagnostics["variation_p"]["all"]
     row |= score_trajectories(prepared, estimate)
@@ -190,16 +197,6 @@ def _list_parameters(estimate: Estimate) -> dict[str, float]:
     for name, (low, high) in estimate.intervals.items():
         values |= {f"{name}_low": low, f"{name}_high": high}
     return values
-
-
-def _unseen_scores(
-    chosen: Mapping[str, Any], candidates: Sequence[Mapping[str, Any]], **_: Any
-) -> dict[str, float]:
-    """Scores of the options that a selection has chosen, on the unseen part of the trial."""
-    scores = next(
-        candidate["scores"] for candidate in candidates if chosen.items() <= candidate.items()
-    )
-    return {f"unseen_{name.replace('-', '_')}": score for name, score in scores.items()}
 
 
 def _pole_error(

@@ -12,12 +12,6 @@ from ankleloop.command_line.identify import identify
 from ankleloop.command_line.reading import FOLDER
 from ankleloop.command_line.terminal import echo, refuse_existing, show_next
 
-PARAMETERS = {
-    "K": "stiffness",
-    "B": "viscosity",
-    "I": "inertia",
-    "G": "reflex_gain",
-}  # with settings of a simulation
 EPILOG = """\b
 Examples:
   ankleloop demo
@@ -63,6 +57,7 @@ def demo(
 
     from ankleloop.quantities import QUANTITIES
     from ankleloop.recordings.recommendation import format_with_interval
+    from ankleloop.simulation.settings import PARAMETER_SETTINGS
     from ankleloop.simulation.simulate import simulate
     from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
@@ -80,7 +75,7 @@ def demo(
     table = pd.read_csv(results / f"{path.stem}-parameters.csv")
     for _, row in table[table["recommended"]].iterrows():
         echo(f"\n{row['label']} (95 % interval), and what was simulated:")
-        for name, setting in PARAMETERS.items():
+        for name, setting in PARAMETER_SETTINGS.items():
             echo(
                 f"  {QUANTITIES[name].label}: {format_with_interval(row, name)}, simulated {trial.attrs[setting]:.4g}"
             )

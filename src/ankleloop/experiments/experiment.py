@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -25,8 +25,7 @@ from ankleloop.simulation.settings import PARAMETER_SETTINGS, SimulationSettings
 from ankleloop.simulation.simulate import draw_perturbation, simulate
 
 # Settings of a simulation by the parameters of an estimate.
-JOINT_SETTINGS = {**PARAMETER_SETTINGS, "omega_n": "omega_n", "zeta": "zeta"}
-JOINT_SETTINGS |= {"pole": "pole", "delay": "delay"}
+JOINT_SETTINGS = PARAMETER_SETTINGS | {name: name for name in ("omega_n", "zeta", "pole", "delay")}
 QUIET_SETTINGS = {"snr_db": None, "voluntary": 0.0}
 IDENTIFICATION_RATE = 100.0  # Hz
 LOST_TIME = 0.66  # s of a record: its ends, which the filters of the identification touch
@@ -75,7 +74,7 @@ class Experiment:
     # Power spectral density of the disturbance over frequency [(N·m)²/Hz]: it does not change with the perturbation.
     spectrum: Callable[[np.ndarray], np.ndarray]
     # Largest torque [N·m], largest velocity of the servo and mean velocity of the joint [rad/s], as far as limited.
-    limits: Mapping[str, float] = field(default_factory=dict)
+    limits: Mapping[str, float]
 
     @classmethod
     def of(
