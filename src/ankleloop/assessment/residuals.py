@@ -166,8 +166,8 @@ def _relation(band: Band, residual: np.ndarray, signal: np.ndarray, times: np.nd
     share = np.sum(products**2) / _energy(residual)
     # The taper weights white noise over the record; so the expectation of its products with the basis is known.
     energy = np.sum(band.signals(basis) ** 2, axis=0)
-    weighted = np.average(energy, weights=band.taper**2)
-    expectation = 0.25 * band.samples**2 * weighted / signal.size
+    mean_energy = np.average(energy, weights=band.taper**2)
+    expectation = 0.25 * band.samples**2 * mean_energy / signal.size
     explained = 0.5 * times.size
     rest = explained * (1.0 / expectation - 1.0)
     return float(special.betaincc(explained, rest, min(share, 1.0)))

@@ -136,9 +136,9 @@ def plan_duration(
     # Length of the record that the standard error is of [s].
     reliable = used if isinstance(joint, Estimate) else seconds - LOST_TIME
     ratio = float(np.exp(TWO_SIDED * PLAN_UNCERTAINTY / np.sqrt(reliable)))
-    counted = needed[parameter] - LOST_TIME
-    low = _record_length(counted / ratio + LOST_TIME)
-    high = _record_length(counted * ratio + LOST_TIME)
+    effective = needed[parameter] - LOST_TIME
+    low = _record_length(effective / ratio + LOST_TIME)
+    high = _record_length(effective * ratio + LOST_TIME)
     return DurationPlan(seconds, (low, high), parameter, needed, dict(widths))
 
 

@@ -136,8 +136,8 @@ class Experiment:
             )
             parts.append(information)
         variances = parameter_variances(names, np.mean(parts, axis=0))
-        counted = round((self.settings.duration - LOST_TIME) * IDENTIFICATION_RATE)
-        band = pass_band(counted, IDENTIFICATION_RATE)
+        samples = round((self.settings.duration - LOST_TIME) * IDENTIFICATION_RATE)
+        band = pass_band(samples, IDENTIFICATION_RATE)
         # As in `asymptotic_covariance`.
         factor = 1.0 + 2.0 * band.smoothing_variance(NOISE_RESOLUTION)
         return {name: factor * variance for name, variance in variances.items()}

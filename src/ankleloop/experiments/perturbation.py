@@ -232,14 +232,14 @@ def design_perturbation(
         )
     reference = experiment.variances(prbs)
     generations = range(GENERATIONS)
-    shown = generations if progress is None else progress(generations)
-    weights = _search(experiment, reference, seed, shown)
+    iterator = generations if progress is None else progress(generations)
+    weights = _search(experiment, reference, seed, iterator)
     commands = experiment.draw(_dwells(weights), seed, GENERATIONS)
-    reached = float(np.mean([largest_magnitude(command) for command in commands]))
-    if reached < LEAST_AMPLITUDE * amplitude:
+    mean_amplitude = float(np.mean([largest_magnitude(command) for command in commands]))
+    if mean_amplitude < LEAST_AMPLITUDE * amplitude:
         raise ValueError(
-            f"{owner}: the limits leave ±{reached:.2g} rad of ±{amplitude:g} rad: raise torque or servo_velocity, or "
-            "ask for a smaller amplitude."
+            f"{owner}: the limits leave ±{mean_amplitude:.2g} rad of ±{amplitude:g} rad: raise torque or "
+            "servo_velocity, or ask for a smaller amplitude."
         )
     variances = experiment.variances(commands)
     ratios = _ratios(variances, reference)
@@ -252,7 +252,7 @@ def design_perturbation(
     longer = (seconds - LOST_TIME) / (COMPARED_DURATION - LOST_TIME)
     return PerturbationDesign(
         weights=dict(zip(DWELL_TIMES, weights.tolist(), strict=True)),
-        amplitude=reached,
+        amplitude=mean_amplitude,
         time_ratio=ratios,
         standard_errors={name: (variance / longer) ** 0.5 for name, variance in variances.items()},
         better_range=_find_ranges(experiment, commands, prbs),

@@ -80,10 +80,10 @@ def voluntary_filter(rate: float, cutoff: float) -> tuple[DiscreteFilter, int, f
     double = 2.0 * rate
     square = double**2
     _, slope, constant = bessel_denominator(2, double * np.tan(np.pi * cutoff / rate))
-    damped = slope * double
-    leading = square + damped + constant
+    linear = slope * double
+    leading = square + linear + constant
     a1 = 2 * (constant - square) / leading
-    a2 = (square - damped + constant) / leading
+    a2 = (square - linear + constant) / leading
     gain = constant / leading  # the numerator is gain · (1, 2, 1)
     A = np.array([[-a1, 1.0], [-a2, 0.0]])
     B = np.array([2 * gain - a1 * gain, gain - a2 * gain])

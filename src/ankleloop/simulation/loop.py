@@ -122,10 +122,10 @@ def _equations_of_motion(
         drive[3] -= settings.load_viscosity
         inputs = inertia * B[1]
         inputs[[NOISE, VOLUNTARY]] += 1
-        moved = settings.load_inertia + inertia
+        total_inertia = settings.load_inertia + inertia
         A[2, 3] = 1
-        A[3] = drive / moved
-        B[3] = inputs / moved
+        A[3] = drive / total_inertia
+        B[3] = inputs / total_inertia
     intrinsic = viscoelastic + inertia * (A[1] - A[3])
     D = np.zeros((RECORDED_SIGNALS, 4))
     D[1] = inertia * (B[1] - B[3])  # command and noise act on the acceleration at once
@@ -204,8 +204,10 @@ def _fit_polynomials(settings: SimulationSettings, constant: Loop, degree: int) 
     matrices = [_discretise(settings, values) for values in middle + half * points]
     inverse = np.linalg.inv(_monomials(points, powers))
     terms = np.tensordot(inverse, np.array(matrices), 1)
-    counted = [k for k, exponents in enumerate(powers) if 0 < sum(exponents) <= degree]
-    return Loop(constant.matrix, constant.ranges, terms[counted], [powers[k] for k in counted])
+    low_degree = [k for k, exponents in enumerate(powers) if 0 < sum(exponents) <= degree]
+    return Loop(
+        constant.matrix, constant.ranges, terms[low_degree], [powers[k] for k in low_degree]
+    )
 
 
 def _interpolation_error(loop: Loop, settings: SimulationSettings) -> float:

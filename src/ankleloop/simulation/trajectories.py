@@ -36,8 +36,8 @@ class Course:
 
     def cycle(self, time: np.ndarray) -> np.ndarray:
         """Numbers of the cycles from 0, shape of `time`."""
-        begun = np.searchsorted(self.onsets, time + 1e-9, side="right")
-        return np.clip(begun - 1, 0, self.onsets.size - 2)
+        next_onset = np.searchsorted(self.onsets, time + 1e-9, side="right")
+        return np.clip(next_onset - 1, 0, self.onsets.size - 2)
 
     def phase(self, time: np.ndarray) -> np.ndarray:
         """Phase of the cycle, from 0 to 1, shape of `time`."""
