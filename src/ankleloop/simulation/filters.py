@@ -69,7 +69,7 @@ def antialias(
 
     Shapes: x (N,).
     """
-    if settings.antialias_cutoff is None:
+    if settings.antialias_cutoff is None or not x.any():
         return x
     return _antialias_filter(settings.antialias_cutoff, settings.recording_rate, hold).run(x)
 
