@@ -108,5 +108,19 @@ ROWS = [
         "command must be 2000 finite numbers",
         error=DataError,
     ),
+    simulated(
+        "a command of another duration",
+        {"command": [0.01] * 3000},
+        "2000 finite numbers [rad] for a duration of 2 s, got shape (3000,)",
+        "leave out the duration",
+        error=DataError,
+    ),
+    simulated(
+        "a command of another rate",
+        lambda folder: {"command": simulated_trial()["reference"], "recording_rate": 500.0},
+        "command has 1000 samples a second",
+        "set recording_rate=1000",
+        error=DataError,
+    ),
     simulated("too few weights", {"dwell_weights": [1.0, 2.0]}, "dwell_weights must be 11 numbers"),
 ]

@@ -19,7 +19,7 @@ from ankleloop.methods.registry import identify
 from ankleloop.options import check_integer, check_number
 from ankleloop.signals.decimation import decimation_factor
 
-LEAST_SHARE = 0.9  # of the repetitions: those that fail are not a random part of all
+LEAST_IDENTIFIED = 0.9  # of the repetitions: those that fail are not a random part of all
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,9 @@ class Bootstrap:
                 f"an interval of level {level:g} needs at least {fewest} samples, one for each tail; there are "
                 f"{len(self.samples)}: repeat more often, or take a lower level."
             )
-        ends = self.samples.quantile([0.5 * (1.0 - level), 0.5 * (1.0 + level)])
-        return {str(name): (float(low), float(high)) for name, (low, high) in ends.items()}
+        lows, highs = self.samples.quantile([0.5 * (1.0 - level), 0.5 * (1.0 + level)]).values
+        ends = zip(lows.tolist(), highs.tolist(), strict=True)
+        return dict(zip(map(str, self.samples), ends, strict=True))
 
     def standard_errors(self) -> dict[str, float]:
         """Standard deviation of every column of `samples`.
@@ -84,7 +85,7 @@ class Bootstrap:
         -------
         dict of str to float
         """
-        return {str(name): float(values.std(ddof=1)) for name, values in self.samples.items()}
+        return dict(zip(map(str, self.samples), self.samples.std(ddof=1).tolist(), strict=True))
 
 
 def block_bootstrap(
@@ -148,7 +149,8 @@ def block_bootstrap(
     seed = check_integer("block_bootstrap", "seed", seed, ge=0)
     original = prepare(trial)
     estimate = identify(original, method, **options)
-    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    time = estimate.torque["time"].values
+    rate = estimate.torque.attrs["identification_rate"]
     residual = original.channel_at("torque", time, rate) - estimate.torque["net"].values
     residual -= residual.mean()
     length = max(1, round(block * rate))
@@ -160,12 +162,8 @@ def block_bootstrap(
     rows: list[dict[str, float]] = []
     reason = "a parameter could not be estimated."
     for _ in range(repetitions):
-        # Blocks of the residual, whose end continues at its start.
-        starts = rng.integers(0, residual.size, -(-residual.size // length))
-        blocks = residual[
-            (starts[:, None] + np.arange(length)).ravel()[: residual.size] % residual.size
-        ]
-        resampled = _change_torque(original, time, rate, blocks - blocks.mean() - residual)
+        change = _draw_blocks(residual, length, rng) - residual
+        resampled = _change_torque(original, time, rate, change)
         try:
             rows.append(_sample_row(resampled, identify(resampled, method, **options)))
         except NUMERICAL_ERRORS as error:
@@ -173,12 +171,24 @@ def block_bootstrap(
     samples = pd.DataFrame(rows, columns=list(_sample_row(original, estimate)), dtype=float)
     samples = samples.replace([np.inf, -np.inf], np.nan).dropna(ignore_index=True)
     failed = repetitions - len(samples)
-    if len(samples) < max(2.0, LEAST_SHARE * repetitions):
+    if len(samples) < max(2.0, LEAST_IDENTIFIED * repetitions):
         raise DataError(
             f"{estimate.method} failed on {failed} of {repetitions} resampled records, but an interval needs "
-            f"{LEAST_SHARE:.0%} of them. The last one failed with: {reason}"
+            f"{LEAST_IDENTIFIED:.0%} of them. The last one failed with: {reason}"
         )
     return Bootstrap(estimate, samples, failed)
+
+
+def _draw_blocks(residual: np.ndarray, length: int, rng: np.random.Generator) -> np.ndarray:
+    """Another residual of zero mean, from blocks of one whose end continues at its start.
+
+    Shapes: residual (N,); returns (N,).
+    """
+    size = residual.size
+    starts = rng.integers(0, size, -(-size // length))
+    rows = np.add.outer(starts, np.arange(length)).ravel()[:size]
+    blocks = residual[rows % size]
+    return blocks - blocks.mean()
 
 
 def _change_torque(
@@ -186,24 +196,19 @@ def _change_torque(
 ) -> PreparedTrial:
     """The trial with a change of its torque, which is given at the identification rate."""
     dataset = trial.trial
-    first = round((time[0] - float(dataset["time"][0])) * trial.rate)
-    recorded_change = resample_poly(change, decimation_factor(trial.rate, rate), 1)[
-        : dataset.sizes["time"] - first
-    ]
-    torque = dataset["torque"].values.copy()
-    torque[first : first + recorded_change.size] += recorded_change
-    others = {
-        name: dataset[name] for name in dataset.data_vars if not str(name).startswith("torque")
-    }
-    return prepare(
-        xr.Dataset({**others, "torque": dataset["torque"].copy(data=torque)}, attrs=dataset.attrs)
-    )
+    first = round((time[0] - trial.time[0]) * trial.rate)
+    recorded = resample_poly(change, decimation_factor(trial.rate, rate), 1)
+    torque = dataset["torque"].copy(deep=True)
+    changed = torque.values[first : first + recorded.size]
+    changed += recorded[: changed.size]
+    truths = [name for name in dataset.data_vars if str(name).startswith("torque")]
+    return prepare(dataset.drop_vars(truths).assign(torque=torque))
 
 
 def _sample_row(trial: PreparedTrial, estimate: Estimate) -> dict[str, float]:
+    """Parameters and VAFs of a repetition."""
     scores = evaluate(trial, estimate, against="measured")
-    return {
-        **estimate.stiffness,
-        **estimate.reflex,
-        **{f"vaf_{row.torque}": row.vaf for row in scores.itertuples()},
+    vafs = {
+        f"vaf_{torque}": vaf for torque, vaf in zip(scores["torque"], scores["vaf"], strict=True)
     }
+    return {**estimate.stiffness, **estimate.reflex, **vafs}

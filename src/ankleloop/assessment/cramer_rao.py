@@ -18,14 +18,14 @@ from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
 from ankleloop.methods.riv_tv.riv_tv import PLACES
 from ankleloop.options import check_flag, check_number
-from ankleloop.quantities import QUANTITIES
+from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.spectra import pass_band
 from ankleloop.simulation.filters import ANTIALIAS_ORDER, bessel_denominator
-from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.settings import PARAMETER_SETTINGS, SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
-MEAN_SLOPE = 0.5  # of a rectifier, for a velocity of zero mean
-PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one
+RECTIFIER_SLOPE = 0.5  # on average, for a velocity of zero mean
+INFORMATION_PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one
 COURSES = {"cycle": {"cycle_onsets": "phase"}, "time": {}, "schedule": {"schedule": "schedule"}}
 
 
@@ -99,8 +99,17 @@ def cramer_rao(
     names, information = fisher_information(
         clean, values, rate, fed_back=fed_back, known_delay=known_delay
     )
-    deviations = np.sqrt(np.diag(invert_information(information, names)))
-    return dict(zip(names, deviations.tolist(), strict=True))
+    variances = parameter_variances(names, information)
+    return {name: float(np.sqrt(variance)) for name, variance in variances.items()}
+
+
+def parameter_variances(names: Sequence[str], information: np.ndarray) -> dict[str, float]:
+    """Smallest variance of every parameter.
+
+    Shapes: information (parameters, parameters).
+    """
+    covariance = invert_information(information, names)
+    return dict(zip(names, np.diag(covariance).tolist(), strict=True))
 
 
 def invert_information(information: np.ndarray, names: Sequence[str] | None = None) -> np.ndarray:
@@ -109,19 +118,22 @@ def invert_information(information: np.ndarray, names: Sequence[str] | None = No
     Shapes: information (parameters, parameters).
     """
     size = np.sqrt(np.diag(information))
-    known = np.flatnonzero(size > 0)
     covariance = np.diag(np.where(size > 0, 0.0, np.inf))
     if np.isinf(size).any():
         return covariance
-    select, scale = np.ix_(known, known), np.outer(size[known], size[known])
-    values, vectors = np.linalg.eigh(information[select] / scale)
-    if not values[0] > len(values) * PRECISION * values[-1]:
+    known = np.flatnonzero(size > 0)
+    select = np.ix_(known, known)
+    scale = np.outer(size[known], size[known])
+    scaled = information[select] / scale
+    values, vectors = np.linalg.eigh(scaled)
+    if not values[0] > len(values) * INFORMATION_PRECISION * values[-1]:
         confused = known[np.abs(vectors[:, 0]) > 0.1]
+        parts = "the splines" if names is None else ", ".join(names[k] for k in confused)
         raise DataError(
-            f"the record does not tell {'the splines' if names is None else ', '.join(names[k] for k in confused)} "
-            "apart: their information is singular. Use a longer record, a richer perturbation, or fewer parameters."
+            f"the record does not tell {parts} apart: their information is singular. "
+            "Use a longer record, a richer perturbation, or fewer parameters."
         )
-    covariance[select] = np.linalg.inv(information[select] / scale) / scale
+    covariance[select] = np.linalg.inv(scaled) / scale
     return covariance
 
 
@@ -141,19 +153,21 @@ def fisher_information(
     Shapes: returns information (parameters, parameters).
     """
     for name in ("reflex_threshold", "variation", "movement", "locked_torque"):
-        if value := getattr(settings, name):
+        value = getattr(settings, name)
+        if value:
+            needed = "null" if name == "variation" else 0
             raise ValueError(
                 "the bound is derived for constant parameters, random disturbances and a rectifier at zero velocity: "
-                f"{name} must be {'null' if name == 'variation' else 0}, got {value}."
+                f"{name} must be {needed}, got {value}."
             )
     regressors = clean.regressors(delay=settings.delay, basis="rectifier", identification_rate=rate)
     band = pass_band(regressors.torque.size, regressors.rate)
-    names, derivatives = _derivatives(
-        band.transform(regressors.inputs.T), band.s, settings, known_delay
-    )
-    if spectrum is None and settings.snr_db is None and settings.voluntary == 0:
-        return names, np.diag(np.where(np.abs(derivatives).any(axis=1), np.inf, 0.0))
+    inputs = band.transform(regressors.inputs.T)
+    names, derivatives = _derivatives(inputs, band.s, settings, known_delay)
     if spectrum is None:
+        if settings.snr_db is None and settings.voluntary == 0:
+            depends = np.abs(derivatives).any(axis=1)
+            return names, np.diag(np.where(depends, np.inf, 0.0))
         level = settings.torque_level or float(np.std(clean.samples["torque"]))
         spectrum = partial(disturbance_spectrum, level=level, settings=settings)
     noise = spectrum(band.frequency) * band.density
@@ -181,31 +195,25 @@ def _derivatives(
     """
     dynamics = ReflexDynamics(settings.omega_n, settings.zeta, settings.pole)
     response, relative = dynamics.response(s)
-    gain = settings.reflex_gain
-    slopes = [
-        gain * derivative / value
-        for derivative, value in zip(relative, dynamics.values.values(), strict=True)
-    ]
-    reflex = [inputs[3] * derivative for derivative in (response, *slopes)]
-    names = ["K", "B", "I", "G", *dynamics.values]
+    names = [*STIFFNESS, "G", *dynamics.values]
+    changes = [response]
+    for derivative, value in zip(relative, dynamics.values.values(), strict=True):
+        changes.append(settings.reflex_gain * derivative / value)
     if not known_delay:
         names.append("delay")
-        reflex.append(-s * gain * response * inputs[3])
-    return names, np.vstack([inputs[:3], reflex])
+        changes.append(-s * settings.reflex_gain * response)
+    return names, np.vstack([inputs[:3], inputs[3] * np.array(changes)])
 
 
 def _spectral_slopes(s: np.ndarray, settings: SimulationSettings, known_delay: bool) -> np.ndarray:
     """Derivatives of ln |S|² with respect to the same parameters; S = 1 / (1 + F H)."""
-    compliance = 1.0 / (
-        settings.load_inertia * s**2 + settings.load_viscosity * s + settings.load_stiffness
-    )
-    motion = np.array([np.ones_like(s), s, s**2, MEAN_SLOPE * s * np.exp(-s * settings.delay)])
-    derivatives = _derivatives(motion, s, settings, known_delay)[1]
-    values = np.array(
-        [settings.stiffness, settings.viscosity, settings.inertia, settings.reflex_gain]
-    )
+    impedance = settings.load_inertia * s**2 + settings.load_viscosity * s + settings.load_stiffness
+    velocity = s * np.exp(-s * settings.delay)
+    motion = np.array([np.ones_like(s), s, s**2, RECTIFIER_SLOPE * velocity])
+    names, derivatives = _derivatives(motion, s, settings, known_delay)
+    values = [getattr(settings, PARAMETER_SETTINGS[name]) for name in names[:4]]
     stiffness = values @ derivatives[:4]
-    return -2.0 * np.real(derivatives * compliance / (1.0 + stiffness * compliance))
+    return -2.0 * np.real(derivatives / (impedance + stiffness))
 
 
 def disturbance_spectrum(
@@ -215,29 +223,33 @@ def disturbance_spectrum(
 
     Shapes: frequency (F,); returns (F,).
     """
-    rate, noise_rate, cutoff = (
-        settings.recording_rate,
-        settings.noise_rate,
-        settings.antialias_cutoff,
-    )
-
-    def voluntary(f: np.ndarray) -> np.ndarray:
-        return _bessel_power(
-            2, np.tan(np.pi * f / rate) / np.tan(np.pi * settings.voluntary_cutoff / rate)
-        )
-
-    def noise(f: np.ndarray) -> np.ndarray:
-        return np.sinc(f / noise_rate) ** 2 * (
-            1.0 if cutoff is None else _bessel_power(ANTIALIAS_ORDER, f / cutoff)
-        )
-
-    density = (
-        (settings.voluntary * level) ** 2 * voluntary(frequency) / _integrate(voluntary, 0.5 * rate)
-    )
+    voluntary = partial(_voluntary_power, settings=settings)
+    noise = partial(_noise_power, settings=settings)
+    deviation = settings.voluntary * level
+    area = _integrate(voluntary, 0.5 * settings.recording_rate)
+    density = deviation**2 * voluntary(frequency) / area
     if settings.snr_db is None:
         return density
-    power = 0.5 * noise_rate if cutoff is None else _integrate(noise, 20 * noise_rate)
-    return density + level**2 * 10 ** (-settings.snr_db / 10) * noise(frequency) / power
+    power = 0.5 * settings.noise_rate
+    if settings.antialias_cutoff is not None:
+        power = _integrate(noise, 20 * settings.noise_rate)
+    variance = level**2 * 10 ** (-settings.snr_db / 10)
+    return density + variance * noise(frequency) / power
+
+
+def _voluntary_power(frequency: np.ndarray, settings: SimulationSettings) -> np.ndarray:
+    """Squared gain of the filter of the voluntary torque, which is bilinear."""
+    rate = settings.recording_rate
+    cutoff = np.tan(np.pi * settings.voluntary_cutoff / rate)
+    return _bessel_power(2, np.tan(np.pi * frequency / rate) / cutoff)
+
+
+def _noise_power(frequency: np.ndarray, settings: SimulationSettings) -> np.ndarray:
+    """Squared gain of the hold of the noise, and of the anti-aliasing filter."""
+    power = np.sinc(frequency / settings.noise_rate) ** 2
+    if settings.antialias_cutoff is None:
+        return power
+    return power * _bessel_power(ANTIALIAS_ORDER, frequency / settings.antialias_cutoff)
 
 
 def _bessel_power(order: int, frequency: np.ndarray) -> np.ndarray:

@@ -10,10 +10,11 @@ from scipy import linalg, special
 from ankleloop.errors import DataError
 from ankleloop.signals.spectra import Band, pass_band
 
-LAGS = 0.5  # s
-GROUPS = 38  # bands of frequency whose power is compared
-LEVEL = 0.01
-WHITENING = 1.0  # Hz, half width of the smoothing that gives the spectra for whitening
+CORRELATION_LAGS = 0.5  # s
+WHITENESS_BANDS = 38  # of frequency, whose power is compared
+TEST_LEVEL = 0.01
+DENSITY_RESOLUTION = 0.4  # Hz, half width of the smoothing of the density that is shown
+WHITENING_RESOLUTION = 1.0  # Hz, that of the spectra for whitening
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float) -> Resi
     """
     band = pass_band(residual.size, rate)
     times = _independent_lags(band)
-    fewest = max(2 * GROUPS, 2 * times.size)
+    fewest = 2 * max(WHITENESS_BANDS, times.size)
     if band.frequency.size < fewest:
         raise DataError(
             f"{residual.size / rate:.3g} s have {band.frequency.size} frequencies in the pass band, but the tests of "
@@ -89,48 +90,57 @@ def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float) -> Resi
         )
     power = np.abs(band.transform(residual)) ** 2
     white_p = _whiteness(power, band)
-    white_residual, white_signal = (_whiten(band, x) for x in (residual, signal))
+    white_residual = _whiten(band, residual)
+    white_signal = _whiten(band, signal)
     related_p = _relation(band, white_residual, white_signal, times)
-    reach = round(LAGS * rate)
+    reach = round(CORRELATION_LAGS * rate)
     shifts = np.arange(-reach, reach + 1)
-    size = np.sqrt(np.sum(np.abs(white_residual) ** 2) * np.sum(np.abs(white_signal) ** 2))
+    size = np.sqrt(_energy(white_residual) * _energy(white_signal))
     correlation = band.signals(white_residual * white_signal.conj()) * band.samples / (2.0 * size)
+    deviation = np.sqrt(0.5 * band.correlation / power.size)
     return ResidualTest(
         frequency=band.frequency,
-        density=band.smooth(power, 0.4) / band.density,
-        white=white_p >= LEVEL,
+        density=band.smooth(power, DENSITY_RESOLUTION) / band.density,
+        white=white_p >= TEST_LEVEL,
         white_p=white_p,
         lags=shifts / rate,
         correlation=correlation[shifts],
-        limit=float(special.ndtri(0.995) * np.sqrt(0.5 * band.correlation / power.size)),
-        related=related_p < LEVEL,
+        limit=float(special.ndtri(1.0 - 0.5 * TEST_LEVEL) * deviation),
+        related=related_p < TEST_LEVEL,
         related_p=related_p,
     )
+
+
+def _energy(spectrum: np.ndarray) -> float:
+    """Sum of the squared magnitudes of a spectrum."""
+    return float(np.sum(np.abs(spectrum) ** 2))
 
 
 def _whiten(band: Band, x: np.ndarray) -> np.ndarray:
     """Spectrum of a signal in the band, divided by its smooth magnitude."""
     spectrum = band.transform(x)
-    return spectrum / np.sqrt(band.smooth(np.abs(spectrum) ** 2, WHITENING))
+    power = band.smooth(np.abs(spectrum) ** 2, WHITENING_RESOLUTION)
+    return spectrum / np.sqrt(power)
 
 
 def _independent_lags(band: Band) -> np.ndarray:
     """Lags [s] at which correlations of white signals within the band are uncorrelated."""
     width = band.highest - band.lowest
-    reach = int(2.0 * LAGS * width)
+    reach = int(2.0 * CORRELATION_LAGS * width)
     return np.arange(-reach, reach + 1) / (2.0 * width)
 
 
 def _whiteness(power: np.ndarray, band: Band) -> float:
     """Probability of a spectrum at least as uneven as a periodogram, if the signal were white."""
-    groups = np.array_split(power, GROUPS)
+    groups = np.array_split(power, WHITENESS_BANDS)
     sizes = np.array([group.size for group in groups])
+    means = np.array([group.mean() for group in groups])
     freedom = 2.0 * sizes / _band_scatter(band, sizes)
-    unevenness = freedom.sum() * np.log(power.mean()) - freedom @ np.log(
-        [group.mean() for group in groups]
-    )
-    correction = 1.0 + (np.sum(1.0 / freedom) - 1.0 / freedom.sum()) / (3.0 * (GROUPS - 1))
-    return float(special.chdtrc(GROUPS - 1, unevenness / correction))
+    whole = freedom.sum()
+    unevenness = whole * np.log(power.mean()) - freedom @ np.log(means)
+    others = WHITENESS_BANDS - 1
+    correction = 1.0 + (np.sum(1.0 / freedom) - 1.0 / whole) / (3.0 * others)
+    return float(special.chdtrc(others, unevenness / correction))
 
 
 def _band_scatter(band: Band, sizes: np.ndarray) -> float:
@@ -138,26 +148,26 @@ def _band_scatter(band: Band, sizes: np.ndarray) -> float:
 
     It is less than that of the whole band, because it makes neighbouring bands alike, too.
     """
-    transform = np.abs(np.fft.rfft(band.taper**2)[: sizes.min()]) ** 2
-    distance = np.arange(1, transform.size)
-    within = (
-        1.0
-        + 2.0 * np.mean([(1.0 - distance / size) @ transform[1:] for size in sizes]) / transform[0]
-    )
+    transform = np.fft.rfft(band.taper**2)[: sizes.min()]
+    covariance = np.abs(transform) ** 2
+    distance = np.arange(1, covariance.size)
+    sums = [(1.0 - distance / size) @ covariance[1:] for size in sizes]
+    within = 1.0 + 2.0 * np.mean(sums) / covariance[0]
     return (sizes.size * within - band.correlation) / (sizes.size - 1)
 
 
 def _relation(band: Band, residual: np.ndarray, signal: np.ndarray, times: np.ndarray) -> float:
     """Probability that lags of a signal explain at least as much of a residual, if the two were unrelated."""
-    regressors = signal[:, None] * np.exp(-2j * np.pi * np.outer(band.frequency, times))
+    phases = np.exp(-2j * np.pi * np.outer(band.frequency, times))
+    regressors = signal[:, None] * phases
     gram = np.real(regressors.conj().T @ regressors)
     basis = linalg.solve_triangular(linalg.cholesky(gram, lower=True), regressors.T, lower=True)
-    share = np.sum(np.real(basis.conj() @ residual) ** 2) / np.sum(np.abs(residual) ** 2)
+    products = np.real(basis.conj() @ residual)
+    share = np.sum(products**2) / _energy(residual)
     # The taper weights white noise over the record; so the expectation of its products with the basis is known.
     energy = np.sum(band.signals(basis) ** 2, axis=0)
-    expectation = 0.25 * band.samples**2 * np.average(energy, weights=band.taper**2) / signal.size
-    return float(
-        special.betaincc(
-            0.5 * times.size, 0.5 * times.size * (1.0 / expectation - 1.0), min(share, 1.0)
-        )
-    )
+    mean_energy = np.average(energy, weights=band.taper**2)
+    expectation = 0.25 * band.samples**2 * mean_energy / signal.size
+    explained = 0.5 * times.size
+    rest = explained * (1.0 / expectation - 1.0)
+    return float(special.betaincc(explained, rest, min(share, 1.0)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import permutations, product
+from itertools import permutations
 from typing import Any, Literal
 
 import numpy as np
@@ -19,22 +19,24 @@ from ankleloop.joint.time_varying_course import ENDS
 from ankleloop.options import check_choice, check_flag, check_number, show_value
 from ankleloop.signals.vaf import vaf, vaf_with_interval
 
-CORRELATED = 1.0  # s: over this the squares of torques may be correlated
-DIAGNOSTICS = ("order", "spectral_radius", "passes", "converged", "stable", "reference", "cycles")
-TRAJECTORY_TRUTHS = {
-    "K": "stiffness_true",
-    "B": "viscosity_true",
-    "G": "reflex_gain_true",
-}  # variables of a trial
+CORRELATION_TIME = 1.0  # s: over this the squares of torques may be correlated
+ROW_DIAGNOSTICS = (
+    "order",
+    "spectral_radius",
+    "passes",
+    "converged",
+    "stable",
+    "reference",
+    "cycles",
+)
+# Variables of a trial.
+TRAJECTORY_TRUTHS = {"K": "stiffness_true", "B": "viscosity_true", "G": "reflex_gain_true"}
 TORQUE_TRUTHS = ("torque_intrinsic", "torque_reflex", "torque_noise")
-DIMENSIONS = {
-    "cycle": "phase",
-    "time": "time",
-    "schedule": "schedule",
-}  # by the setting `variation`
-PLACES = 101  # at which parameters that an estimate takes as constant are scored
-LEVELS = (0.1, 0.9)  # shares of a step between which its rise is timed
-JUMP = 0.5  # share of the range of a trajectory that is a jump if it lies between two places
+# By the setting `variation`.
+COURSE_DIMENSIONS = {"cycle": "phase", "time": "time", "schedule": "schedule"}
+SCORED_PLACES = 101  # at which parameters that an estimate takes as constant are scored
+RISE_LEVELS = (0.1, 0.9)  # shares of a step between which its rise is timed
+JUMP_SHARE = 0.5  # of the range of a trajectory: it jumps if so much lies between two places
 
 
 def evaluate(
@@ -89,9 +91,10 @@ def evaluate(
     check_choice("evaluate", "against", against, ("measured", None))
     check_flag("evaluate", "intervals", intervals)
     rows = list(score_torques(prepare(trial), estimate, against, trim=trim, intervals=intervals))
-    return pd.DataFrame(
-        rows, columns=["torque", "against", "vaf", *(("low", "high") if intervals else ())]
-    )
+    columns = ["torque", "against", "vaf"]
+    if intervals:
+        columns += ["low", "high"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def score_torques(
@@ -104,26 +107,28 @@ def score_torques(
 ) -> Iterator[tuple[Any, ...]]:
     """Rows of `evaluate`; a table of each trial would take most of the time."""
     inside, time, rate = _scored_samples(estimate, trim)
-    recorded, tolerance = prepared.time, 0.5 / prepared.rate
-    if (
-        time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance
-    ):  # of another trial, or of more of it
+    recorded = prepared.time
+    tolerance = 0.5 / prepared.rate
+    # Of another trial, or of more of it.
+    if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:
         raise DataError(
             f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
             "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
         )
-    targets = list(product(TORQUES, ["measured"], [prepared.channel_at("torque", time, rate)]))
+    measured = prepared.channel_at("torque", time, rate)
+    targets = [(torque, "measured", measured) for torque in TORQUES]
     if against is None and {"torque_intrinsic", "torque_reflex"} <= set(prepared.trial.data_vars):
-        truths = {
-            part: prepared.channel_at(f"torque_{part}", time, rate)
-            for part in ("intrinsic", "reflex")
-        }
-        parts = [(part, "true", signal) for part, signal in truths.items() if np.ptp(signal) > 0]
-        targets = [targets[0], ("net", "true", truths["intrinsic"] + truths["reflex"]), *parts]
+        truths = {name: prepared.channel_at(f"torque_{name}", time, rate) for name in TORQUES[1:]}
+        targets = [targets[0], ("net", "true", truths["intrinsic"] + truths["reflex"])]
+        targets += [(name, "true", truth) for name, truth in truths.items() if np.ptp(truth) > 0]
+    lags = round(CORRELATION_TIME * rate)
     for torque, kind, signal in targets:
-        pair = signal[inside], estimate.torque.variables[torque].values[inside]
-        scores = vaf_with_interval(*pair, round(CORRELATED * rate)) if intervals else [vaf(*pair)]
-        yield torque, kind, *scores
+        target = signal[inside]
+        estimated = estimate.torque.variables[torque].values[inside]
+        if intervals:
+            yield torque, kind, *vaf_with_interval(target, estimated, lags)
+        else:
+            yield torque, kind, vaf(target, estimated)
 
 
 def _scored_samples(estimate: Estimate, trim: float) -> tuple[slice, np.ndarray, float]:
@@ -134,14 +139,13 @@ def _scored_samples(estimate: Estimate, trim: float) -> tuple[slice, np.ndarray,
         )
     trim = check_number("evaluate", "trim", trim, "s", ge=0, le=1e6)
     time = estimate.torque.variables["time"].values
-    inside = slice(
-        np.searchsorted(time, time[0] + trim), np.searchsorted(time, time[-1] - trim, side="right")
-    )
-    if inside.stop - inside.start < 2:
+    start = np.searchsorted(time, time[0] + trim)
+    stop = np.searchsorted(time, time[-1] - trim, side="right")
+    if stop - start < 2:
         raise DataError(
             f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s."
         )
-    return inside, time, estimate.torque.attrs["identification_rate"]
+    return slice(start, stop), time, estimate.torque.attrs["identification_rate"]
 
 
 def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
@@ -153,36 +157,37 @@ def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
     intrinsic, reflex, noise = (
         trial.channel_at(name, time, rate)[inside] for name in TORQUE_TRUTHS
     )
-    return float(10 * np.log10(np.var(intrinsic + reflex) / np.var(noise)))
+    ratio = np.var(intrinsic + reflex) / np.var(noise)
+    return float(10 * np.log10(ratio))
 
 
 def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict[str, Any]:
     """Parameters and diagnostics of an estimate as a row of a table."""
     prepared = prepare(trial)
+    diagnostics = estimate.diagnostics
     row: dict[str, Any] = _list_parameters(estimate)
-    if estimate.intervals and estimate.diagnostics.get("intervals"):
-        row["intervals"] = estimate.diagnostics["intervals"]
-    if (
-        set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars)
-        and np.ptp(prepared.samples["torque_noise"]) > 0
-    ):
+    if estimate.intervals and diagnostics.get("intervals"):
+        row["intervals"] = diagnostics["intervals"]
+    has_truths = set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars)
+    if has_truths and np.ptp(prepared.samples["torque_noise"]) > 0:
         row["in_band_snr_db"] = in_band_snr(prepared, estimate)
-    row |= {
-        name: estimate.diagnostics[name] for name in DIAGNOSTICS if name in estimate.diagnostics
-    }
+    row |= {name: diagnostics[name] for name in ROW_DIAGNOSTICS if name in diagnostics}
     settings = prepared.trial.attrs if "torque_reflex" in prepared.trial else {}
-    if {"omega_n", "zeta"} <= set(settings) and "poles" in estimate.diagnostics:
-        row |= _pole_error(np.asarray(estimate.diagnostics["poles"]), estimate, settings)
-    if selection := estimate.diagnostics.get("selection"):
+    if {"omega_n", "zeta"} <= set(settings) and "poles" in diagnostics:
+        row |= _pole_error(np.asarray(diagnostics["poles"]), estimate, settings)
+    if "selection" in diagnostics:
+        selection = diagnostics["selection"]
         chosen = selection["chosen"].items()
         scores = next(
-            found["scores"] for found in selection["candidates"] if chosen <= found.items()
+            candidate["scores"]
+            for candidate in selection["candidates"]
+            if chosen <= candidate.items()
         )
         row |= {f"unseen_{name.replace('-', '_')}": score for name, score in scores.items()}
-    if probabilities := estimate.diagnostics.get("variation_p"):
-        row["variation_p"] = probabilities["all"]
+    if diagnostics.get("variation_p"):
+        row["variation_p"] = diagnostics["variation_p"]["all"]
     row |= score_trajectories(prepared, estimate)
-    row["warnings"] = " ".join(estimate.diagnostics.get("warnings", ()))
+    row["warnings"] = " ".join(diagnostics.get("warnings", ()))
     return row
 
 
@@ -202,11 +207,8 @@ def _pole_error(
     truth = np.linalg.eigvals(dynamics.matrices(estimate.torque.attrs["identification_rate"])[0])
     if poles.size != truth.size:
         return {}
-    return {
-        "pole_error": min(
-            float(np.abs(poles - order).max()) for order in map(np.array, permutations(truth))
-        )
-    }
+    errors = [np.abs(poles - np.array(order)).max() for order in permutations(truth)]
+    return {"pole_error": float(min(errors))}
 
 
 def true_trajectories(
@@ -214,7 +216,7 @@ def true_trajectories(
 ) -> xr.Dataset | None:
     """True K, B and G of a simulated trial over what they vary with."""
     prepared = prepare(trial)
-    dimension = DIMENSIONS.get(str(prepared.trial.attrs.get("variation")))
+    dimension = COURSE_DIMENSIONS.get(str(prepared.trial.attrs.get("variation")))
     known = {dimension, *TRAJECTORY_TRUTHS.values()} <= set(map(str, prepared.trial.variables))
     if (
         dimension is None
@@ -222,22 +224,24 @@ def true_trajectories(
         or (trajectories is not None and dimension not in trajectories.dims)
     ):
         return None
-    place = prepared.samples[dimension] - (prepared.time[0] if dimension == "time" else 0.0)
-    if trajectories is None:
-        coordinate = np.linspace(0.0 if dimension == "phase" else place.min(), place.max(), PLACES)
-        coordinate[-1] = 1.0 if dimension == "phase" else coordinate[-1]
-    else:
-        coordinate = trajectories[dimension].values
-    order = np.argsort(place, kind="stable")
+    place = prepared.samples[dimension]
+    if dimension == "time":
+        place = place - prepared.time[0]
     period = 1.0 if dimension == "phase" else None
-    values = {
-        name: (
-            dimension,
-            np.interp(coordinate, place[order], prepared.samples[variable][order], period=period),
-        )
-        for name, variable in TRAJECTORY_TRUTHS.items()
-    }
-    return xr.Dataset(values, coords={dimension: coordinate})
+    if trajectories is not None:
+        coordinate = trajectories[dimension].values
+    elif period is None:
+        coordinate = np.linspace(place.min(), place.max(), SCORED_PLACES)
+    else:
+        coordinate = np.linspace(0.0, place.max(), SCORED_PLACES)
+        coordinate[-1] = period
+    order = np.argsort(place, kind="stable")
+    truths = xr.Dataset(coords={dimension: coordinate})
+    for name, variable in TRAJECTORY_TRUTHS.items():
+        truth = prepared.samples[variable]
+        curve = np.interp(coordinate, place[order], truth[order], period=period)
+        truths[name] = (dimension, curve)
+    return truths
 
 
 def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict[str, float]:
@@ -250,28 +254,27 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
     truths = true_trajectories(prepared, estimate.trajectories)
     if truths is None:
         return {}
-    values = (
-        estimate.trajectories if estimate.trajectories is not None else _list_parameters(estimate)
-    )
+    values: Mapping[Any, Any] = _list_parameters(estimate)
+    if estimate.trajectories is not None:
+        values = estimate.trajectories
     row: dict[str, float] = {}
     for name, truth in truths.items():
-        curves = [
-            np.broadcast_to(values[f"{name}{end}"], truth.shape)
-            for end in ENDS
-            if f"{name}{end}" in values
-        ]
-        if curves:
-            row |= {
-                f"{name}_{score}": value for score, value in _score(truth.values, *curves).items()
-            }
-            rise = _mean_rise(truth, curves[0], prepared.trial.attrs)
-            row |= {f"{name}_rise": rise} if np.isfinite(rise) else {}
+        names = [f"{name}{end}" for end in ENDS if f"{name}{end}" in values]
+        if not names:
+            continue
+        curve, *band = (np.broadcast_to(values[variable], truth.shape) for variable in names)
+        for score, value in _score(truth.values, curve, *band).items():
+            row[f"{name}_{score}"] = value
+        rise = _mean_rise(truth, curve, prepared.trial.attrs)
+        if np.isfinite(rise):
+            row[f"{name}_rise"] = rise
     return row
 
 
 def _score(truth: np.ndarray, curve: np.ndarray, *band: np.ndarray) -> dict[str, float]:
     """Error, bias and coverage [%] of a trajectory, with the ends of its band where it has one."""
-    shown, mean = np.isfinite(curve), float(truth.mean())
+    shown = np.isfinite(curve)
+    mean = float(truth.mean())
     if not shown.any() or mean == 0:
         return {}
     error = (curve - truth)[shown]
@@ -280,47 +283,61 @@ def _score(truth: np.ndarray, curve: np.ndarray, *band: np.ndarray) -> dict[str,
         "bias": 100.0 * float(error.mean()) / mean,
     }
     if band and np.isfinite(band[0][shown]).all():
-        row["covered"] = 100.0 * float(np.mean(((band[0] <= truth) & (truth <= band[1]))[shown]))
+        low, high = band
+        covered = (low <= truth) & (truth <= high)
+        row["covered"] = 100.0 * float(np.mean(covered[shown]))
     return row
 
 
 def _mean_rise(truth: xr.DataArray, curve: np.ndarray, settings: Mapping[str, object]) -> float:
     """Mean time from 10 to 90 % of the steps of a square wave [s]; nan where there is none, or the curve misses one."""
     (dimension,) = truth.dims
-    values, coordinate = truth.values, truth[dimension].values
-    limit = JUMP * float(np.ptp(values))
+    values = truth.values
+    coordinate = truth[dimension].values
+    limit = JUMP_SHARE * float(np.ptp(values))
     if settings.get("variation_shape") != "square" or dimension == "schedule" or limit == 0:
         return np.nan
     if dimension == "phase":  # the cycle is cut far from the steps; its last place is the first one
         coordinate = coordinate * float(str(settings["cycle_duration"]))
-        values, curve = values[:-1], curve[:-1]
-        steps = np.flatnonzero(np.abs(np.roll(values, -1) - values) > limit)
-        start = steps[0] + 1 + np.diff(steps, append=steps[0] + values.size)[0] // 2
-        values, curve = np.roll(values, -start), np.roll(curve, -start)
+        shift = _far_from_steps(values[:-1], limit)
+        values = np.roll(values[:-1], -shift)
+        curve = np.roll(curve[:-1], -shift)
     jumps = np.flatnonzero(np.abs(np.diff(values)) > limit)
     if jumps.size == 0:
         return np.nan
-    edges = [0, *((jumps[1:] + jumps[:-1]) // 2 + 1), values.size]
+    middles = (jumps[1:] + jumps[:-1]) // 2 + 1
     rises = []
-    for jump, start, stop in zip(jumps, edges[:-1], edges[1:], strict=True):
-        share = (curve[start:stop] - values[jump]) / (values[jump + 1] - values[jump])
+    for jump, start, stop in zip(jumps, [0, *middles], [*middles, values.size], strict=True):
+        step = values[jump + 1] - values[jump]
+        share = (curve[start:stop] - values[jump]) / step
         rises.append(_rise(coordinate[start:stop], share, jump - start))
     return float(np.mean(rises))
 
 
+def _far_from_steps(cycle: np.ndarray, limit: float) -> int:
+    """Place of a cycle in the middle between its first step and the next one."""
+    steps = np.flatnonzero(np.abs(np.roll(cycle, -1) - cycle) > limit)
+    distances = np.diff(steps, append=steps[0] + cycle.size)
+    return int(steps[0] + 1 + distances[0] // 2)
+
+
 def _rise(coordinate: np.ndarray, share: np.ndarray, jump: int) -> float:
     """Distance between the places at which a step from 0 to 1 passes 10 % for the last and 90 % for the first time."""
-    middle = np.flatnonzero(np.diff(share >= 0.5))
-    if middle.size == 0 or not np.isfinite(share).all():
+    low, high = RISE_LEVELS
+    middles = np.flatnonzero(np.diff(share >= 0.5))
+    if middles.size == 0 or not np.isfinite(share).all():
         return np.nan
-    middle = middle[np.argmin(np.abs(middle - jump))]
-    below = np.flatnonzero(share[: middle + 1] <= LEVELS[0])
-    above = np.flatnonzero(share[middle + 1 :] >= LEVELS[1]) + middle + 1
+    middle = middles[np.argmin(np.abs(middles - jump))]
+    below = np.flatnonzero(share[: middle + 1] <= low)
+    above = np.flatnonzero(share[middle + 1 :] >= high)
     if below.size == 0 or above.size == 0:
         return np.nan
-    steps = slice(below[-1], below[-1] + 2), slice(above[0] - 1, above[0] + 1)
-    start, stop = (
-        np.interp(level, share[step], coordinate[step])
-        for level, step in zip(LEVELS, steps, strict=True)
-    )
-    return float(stop - start)
+    start = _crossing(coordinate, share, below[-1], low)
+    stop = _crossing(coordinate, share, above[0] + middle, high)
+    return stop - start
+
+
+def _crossing(coordinate: np.ndarray, share: np.ndarray, place: int, level: float) -> float:
+    """Where the line from a place to the next one passes a level."""
+    ends = slice(place, place + 2)
+    return float(np.interp(level, share[ends], coordinate[ends]))

@@ -13,7 +13,6 @@ from ankleloop.command_line.reading import FOLDER
 from ankleloop.command_line.terminal import echo, refuse_existing, show_next
 from ankleloop.quantities import SETTINGS, STIFFNESS
 
-PARAMETERS = {name: SETTINGS[name] for name in (*STIFFNESS, "G")}  # with settings of a simulation
 EPILOG = """\b
 Examples:
   ankleloop demo
@@ -77,10 +76,9 @@ def demo(
     table = pd.read_csv(results / f"{path.stem}-parameters.csv")
     for _, row in table[table["recommended"]].iterrows():
         echo(f"\n{row['label']} (95 % interval), and what was simulated:")
-        for name, setting in PARAMETERS.items():
-            echo(
-                f"  {QUANTITIES[name].label}: {format_with_interval(row, name)}, simulated {trial.attrs[setting]:.4g}"
-            )
+        for name in (*STIFFNESS, "G"):
+            estimate = f"{QUANTITIES[name].label}: {format_with_interval(row, name)}"
+            echo(f"  {estimate}, simulated {trial.attrs[SETTINGS[name]]:.4g}")
     page = results / f"{path.stem}.html"
     if opens and not webbrowser.open(page.absolute().as_uri()):
         show_next(f"there is no browser that could be opened: open {page} yourself.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,12 @@ import click
 
 from ankleloop.command_line.check import check_file
 from ankleloop.command_line.reading import FILE, map_file, reading_options
-from ankleloop.command_line.terminal import echo, show_correction, show_error
+from ankleloop.command_line.terminal import echo, show_correction, show_error, show_next
 from ankleloop.options import check_number
 
 HELP = "Half-width of a 95 % interval over the value: of K, B, I, G, omega_n or zeta; several times for several."
+# Options that say which part of a file the pilot is, or what it is called.
+PILOT_ONLY = ("case", "start", "stop", "cycle_onsets", "subject", "condition", "trial")
 EPILOG = """\b
 Examples:
   ankleloop plan pilot.mat --torque-sign -1 --width K=5% --width G=20%
@@ -27,7 +30,8 @@ def _parse_widths(
     for text in texts:
         try:
             name, share = text.split("=")
-            number = float(share.rstrip("% ")) / (100.0 if share.endswith("%") else 1.0)
+            whole = 100.0 if share.endswith("%") else 1.0
+            number = float(share.rstrip("% ")) / whole
             widths[name] = check_number("plan", name, number, ge=1e-4, le=10)
         except ValueError:
             raise click.BadParameter(
@@ -60,13 +64,24 @@ def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
     words = click.get_current_context().obj
     trial, result = check_file(file, map_file(file, **values))
     if trial is None or result.verdict == "refused" or "riv" not in result.methods:
-        text = (
-            " ".join(result.reasons)
-            or "riv is not valid for this recording: record the command of the servo."
-        )
-        show_error(text, words)
+        reasons = " ".join(result.reasons)
+        fault = "riv is not valid for this recording: record the command of the servo."
+        show_error(reasons or fault, words)
         return 1
     pilot = identify(trial, "riv", **result.methods["riv"])
     echo(f"\n{pilot!r}\n\n{plan_duration(pilot, widths)}")
     show_correction(" ".join(pilot.diagnostics["warnings"]), words)
+    show_next(shlex.join(["ankleloop", "check", "RECORDING", *_repeat_options(values)]))
     return 0
+
+
+def _repeat_options(values: dict[str, Any]) -> list[str]:
+    """Options that a recording is read with as its pilot was."""
+    words = []
+    for name, value in values.items():
+        if value is None or value is False or name in PILOT_ONLY:
+            continue
+        words.append(f"--{name.replace('_', '-')}")
+        if value is not True:
+            words.append(str(value))
+    return words

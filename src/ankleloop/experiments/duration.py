@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from ankleloop.checks.record import SHORTEST
 from ankleloop.errors import DataError
 from ankleloop.experiments.experiment import (
-    LOST,
-    SETTINGS,
+    JOINT_SETTINGS,
+    LONGEST_RECORD,
+    LOST_TIME,
     Experiment,
     describe_joint,
     warn_of_pilot,
@@ -22,9 +24,8 @@ from ankleloop.options import check_number, show_value
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.vaf import TWO_SIDED
 
-LONGEST = 3600.0  # s
 # Standard deviation of the logarithm of the planned time, times the root of the length of the pilot [s].
-UNCERTAINTY = 0.7
+PLAN_UNCERTAINTY = 0.7
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,14 @@ class DurationPlan:
     Parameters
     ----------
     seconds : float
-        Length of the record after which every interval is expected to be as narrow as asked for [s].
+        Length of the record after which every interval is expected to be as narrow as asked for: whole seconds, at
+        least the 10 s without which checks refuse a recording [s].
     interval : tuple of float
-        95 % interval of that time [s]: the standard errors of a pilot are uncertain themselves.
+        95 % interval of that length [s]: the standard errors of a pilot are uncertain themselves.
     parameter : str
-        Name of the parameter that decides: it takes longest.
+        Name of the parameter that takes longest.
     needed : dict
-        Time for each parameter [s].
+        Time that each parameter takes [s], however short.
     widths : dict
         Half-widths that were asked for, over the values.
     """
@@ -52,15 +54,16 @@ class DurationPlan:
     widths: dict[str, float]
 
     def __str__(self) -> str:
-        lines = [
-            f"{QUANTITIES[name].symbol} within ±{100 * self.widths[name]:g} %: {seconds:.0f} s"
-            for name, seconds in self.needed.items()
-        ]
+        lines = []
+        for name, seconds in self.needed.items():
+            symbol = QUANTITIES[name].symbol
+            lines.append(f"{symbol} within ±{100 * self.widths[name]:g} %: {seconds:.0f} s")
+        reason = f"{QUANTITIES[self.parameter].symbol} decides"
+        if self.needed[self.parameter] < SHORTEST:
+            reason = "a check of the recording refuses a shorter one"
         low, high = self.interval
-        decides = QUANTITIES[self.parameter].symbol
-        return "\n".join(
-            [*lines, f"Record {self.seconds:.0f} s ({low:.0f} … {high:.0f} s): {decides} decides."]
-        )
+        lines.append(f"Record {self.seconds:.0f} s ({low:.0f} … {high:.0f} s): {reason}.")
+        return "\n".join(lines)
 
 
 def plan_duration(
@@ -72,7 +75,8 @@ def plan_duration(
 
     .. math:: T = (T_1 - T_0) \left(\frac{1.96\, s}{w\, \theta}\right)^2 + T_0
 
-    for a half-width of w θ; T₀ = 0.66 s is lost at the ends of a record.
+    for a half-width of w θ; T₀ = 0.66 s is lost at the ends of a record. The plan is T in whole seconds, and at least
+    10 s: checks refuse a shorter recording.
 
     Parameters
     ----------
@@ -112,28 +116,35 @@ def plan_duration(
             raise DataError(
                 f"there is no parameter {name!r} to plan for; there are {', '.join(values)}."
             )
-        width = check_number("plan_duration", f"widths: {name}", width, ge=1e-4, le=10)
+        share = check_number("plan_duration", f"widths: {name}", width, ge=1e-4, le=10)
         error = errors.get(name, np.nan)
         if not (np.isfinite(error) and values[name] != 0):
             raise DataError(
                 f"{name} has no standard error: identify a pilot by riv whose perturbation excites it, of 15 s or more."
             )
-        needed[name] = used * (TWO_SIDED * error / (width * values[name])) ** 2 + LOST
-        if needed[name] > LONGEST:
-            within = width * np.sqrt((needed[name] - LOST) / (LONGEST - LOST))
+        narrowing = TWO_SIDED * error / (share * values[name])
+        needed[name] = used * narrowing**2 + LOST_TIME
+        if needed[name] > LONGEST_RECORD:
+            within = share * np.sqrt((needed[name] - LOST_TIME) / (LONGEST_RECORD - LOST_TIME))
             raise DataError(
-                f"{name} within {100 * width:.2g} % would take {needed[name]:.0f} s, and records of more than "
-                f"{LONGEST:g} s are not planned: ask for {100 * within:.2g} % or more, or perturb more strongly "
+                f"{name} within {100 * share:.2g} % would take {needed[name]:.0f} s, and records of more than "
+                f"{LONGEST_RECORD:g} s are not planned: ask for {100 * within:.2g} % or more, or perturb more strongly "
                 "(ankleloop.design_perturbation)."
             )
     parameter = max(needed, key=needed.__getitem__)
-    seconds = needed[parameter]
-    reliable = (
-        used if isinstance(joint, Estimate) else seconds - LOST
-    )  # s of record that the standard error is of
-    ratio = float(np.exp(TWO_SIDED * UNCERTAINTY / np.sqrt(reliable)))
-    interval = (seconds - LOST) / ratio + LOST, (seconds - LOST) * ratio + LOST
-    return DurationPlan(seconds, interval, parameter, needed, dict(widths))
+    seconds = _record_length(needed[parameter])
+    # Length of the record that the standard error is of [s].
+    reliable = used if isinstance(joint, Estimate) else seconds - LOST_TIME
+    ratio = float(np.exp(TWO_SIDED * PLAN_UNCERTAINTY / np.sqrt(reliable)))
+    effective = needed[parameter] - LOST_TIME
+    low = _record_length(effective / ratio + LOST_TIME)
+    high = _record_length(effective * ratio + LOST_TIME)
+    return DurationPlan(seconds, (low, high), parameter, needed, dict(widths))
+
+
+def _record_length(needed: float) -> float:
+    """Length of a record in whole seconds, for a time that is needed [s]."""
+    return max(SHORTEST, float(np.ceil(needed)))
 
 
 def _expect(
@@ -143,17 +154,17 @@ def _expect(
     if isinstance(joint, Estimate):
         warn_of_pilot("plan_duration", joint)
         used = joint.torque.sizes["time"] / joint.torque.attrs["identification_rate"]
-        return (
-            {**joint.stiffness, **joint.reflex},
-            joint.diagnostics.get("standard_errors", {}),
-            used,
-        )
+        errors = joint.diagnostics.get("standard_errors", {})
+        return {**joint.stiffness, **joint.reflex}, errors, used
     if isinstance(joint, PerturbationDesign):
-        settings, errors, seconds = joint.experiment.settings, joint.standard_errors, joint.seconds
+        settings = joint.experiment.settings
+        seconds = joint.seconds
+        errors = joint.standard_errors
     else:
         settings = describe_joint("plan_duration", joint, {})
-        experiment, seconds = Experiment.of(joint, settings, {}, 0), settings.duration
+        seconds = settings.duration
+        experiment = Experiment.of(joint, settings, {}, 0)
         variances = experiment.variances(experiment.draw({}, 0))
         errors = {name: float(np.sqrt(variance)) for name, variance in variances.items()}
-    values = {name: getattr(settings, SETTINGS[name]) for name in errors}
-    return values, errors, seconds - LOST
+    values = {name: getattr(settings, JOINT_SETTINGS[name]) for name in errors}
+    return values, errors, seconds - LOST_TIME

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -13,23 +13,24 @@ import numpy as np
 from ankleloop.assessment.cramer_rao import (
     disturbance_spectrum,
     fisher_information,
-    invert_information,
+    parameter_variances,
 )
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.riv.equations import NOISE_RESOLUTION
 from ankleloop.options import show_value
+from ankleloop.quantities import SETTINGS
 from ankleloop.signals.spectra import pass_band
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import draw_perturbation, simulate
 
 # Settings of a simulation by the parameters of an estimate.
-SETTINGS = {"K": "stiffness", "B": "viscosity", "I": "inertia", "G": "reflex_gain"}
-SETTINGS |= {name: name for name in ("omega_n", "zeta", "pole", "delay")}
-QUIET = {"snr_db": None, "voluntary": 0.0}
-RATE = 100.0  # Hz, of the identification
-LOST = 0.66  # s of a record: its ends, which the filters of the identification touch
+JOINT_SETTINGS = SETTINGS | {"pole": "pole"}
+QUIET_SETTINGS = {"snr_db": None, "voluntary": 0.0}
+IDENTIFICATION_RATE = 100.0  # Hz
+LOST_TIME = 0.66  # s of a record: its ends, which the filters of the identification touch
+LONGEST_RECORD = 3600.0  # s
 
 
 def describe_joint(
@@ -40,7 +41,9 @@ def describe_joint(
         warn_of_pilot(owner, joint)
         parameters = {**joint.stiffness, **joint.reflex}
         values = {
-            setting: parameters[name] for name, setting in SETTINGS.items() if name in parameters
+            setting: parameters[name]
+            for name, setting in JOINT_SETTINGS.items()
+            if name in parameters
         }
     elif isinstance(joint, Mapping):
         values = dict(joint)
@@ -58,13 +61,10 @@ def describe_joint(
 
 def warn_of_pilot(owner: str, pilot: Estimate) -> None:
     """Warn of what an estimate warns of: a plan is as good as its pilot."""
-    if found := pilot.diagnostics.get("warnings"):
-        text = " ".join(found)
-        warnings.warn(
-            f"{owner}: the pilot has warnings; correct or repeat it first. {text}",
-            UserWarning,
-            stacklevel=4,
-        )
+    texts = pilot.diagnostics.get("warnings")
+    if texts:
+        advice = "the pilot has warnings; correct or repeat it first."
+        warnings.warn(f"{owner}: {advice} {' '.join(texts)}", UserWarning, stacklevel=4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Experiment:
     # Power spectral density of the disturbance over frequency [(N·m)²/Hz]: it does not change with the perturbation.
     spectrum: Callable[[np.ndarray], np.ndarray]
     # Largest torque [N·m], largest velocity of the servo and mean velocity of the joint [rad/s], as far as limited.
-    limits: Mapping[str, float] = field(default_factory=dict)
+    limits: Mapping[str, float]
 
     @classmethod
     def of(
@@ -86,28 +86,19 @@ class Experiment:
         seed: int,
     ) -> Experiment:
         """The experiment, with voluntary torque and noise relative to the torque that its own perturbation causes."""
-        quiet = cls(
-            settings.model_copy(update=QUIET), lambda frequency: np.ones_like(frequency), limits
-        )
+        quiet = cls(settings.model_copy(update=QUIET_SETTINGS), np.ones_like, limits)
         if isinstance(joint, Estimate):
-            if "noise_spectrum" not in joint.diagnostics:
-                raise DataError(
-                    f"{joint.method} estimates no spectrum of the noise: identify the pilot by riv."
-                )
-            band = pass_band(joint.torque.sizes["time"], joint.torque.attrs["identification_rate"])
-            # The inverse of a periodogram that scatters is on average larger than that of the spectrum.
-            density = joint.diagnostics["noise_spectrum"] * (
-                1.0 + band.smoothing_variance(NOISE_RESOLUTION)
-            )
-            points = joint.diagnostics["noise_frequency"]
-            return replace(quiet, spectrum=lambda frequency: np.interp(frequency, points, density))
+            return replace(quiet, spectrum=_pilot_spectrum(joint))
         level = settings.torque_level
         if level is None:
             torques = [quiet.respond(command).samples["torque"] for command in quiet.draw({}, seed)]
             level = float(np.sqrt(np.mean(np.var(torques, axis=1))))
-        return replace(
-            quiet, spectrum=partial(disturbance_spectrum, level=level, settings=settings)
-        )
+        spectrum = partial(disturbance_spectrum, level=level, settings=settings)
+        return replace(quiet, spectrum=spectrum)
+
+    def change(self, **settings: Any) -> Experiment:
+        """The experiment with other settings, under the same disturbance."""
+        return replace(self, settings=self.settings.model_copy(update=settings))
 
     def respond(self, command: np.ndarray) -> PreparedTrial:
         """The trial of a command [rad] without disturbances."""
@@ -115,17 +106,18 @@ class Experiment:
 
     def limit(self, command: np.ndarray) -> np.ndarray:
         """A command within the limits: the loop is positively homogeneous, so a smaller command scales all signals."""
-        sizes: dict[str, float] = {}
-        if self.limits:
-            clean = self.respond(command)
-            sizes["torque"] = float(np.max(np.abs(clean.samples["torque"])))
-            sizes["joint_velocity"] = float(np.mean(np.abs(clean.velocity(0.0))))
+        if not self.limits:
+            return command
+        clean = self.respond(command)
+        sizes = {
+            "torque": largest_magnitude(clean.samples["torque"]),
+            "joint_velocity": mean_speed(clean),
+        }
         if "servo_velocity" in self.limits:
-            servo = replace(
-                self, settings=self.settings.model_copy(update={"closed_loop": False})
-            ).respond(command)
-            sizes["servo_velocity"] = float(np.max(np.abs(servo.velocity(0.0))))
-        return min([1.0, *(limit / sizes[name] for name, limit in self.limits.items())]) * command
+            servo = self.change(closed_loop=False).respond(command)
+            sizes["servo_velocity"] = largest_magnitude(servo.velocity(0.0))
+        factors = [limit / sizes[name] for name, limit in self.limits.items()]
+        return min(1.0, *factors) * command
 
     def draw(
         self, perturbation: Mapping[str, Any], *seeds: int, count: int = 8
@@ -138,20 +130,39 @@ class Experiment:
 
     def variances(self, commands: Iterable[np.ndarray]) -> dict[str, float]:
         """Variance of every parameter by `riv` from a record with such a command: its noise spectrum is an estimate."""
-        clean = map(self.respond, commands)
-        parts = [
-            fisher_information(trial, self.settings, fed_back=False, spectrum=self.spectrum)
-            for trial in clean
-        ]
-        names, information = parts[0][0], np.mean([information for _, information in parts], axis=0)
-        band = pass_band(round((self.settings.duration - LOST) * RATE), RATE)
-        factor = 1.0 + 2.0 * band.smoothing_variance(
-            NOISE_RESOLUTION
-        )  # as in `asymptotic_covariance`
-        return dict(
-            zip(
-                names,
-                (factor * np.diag(invert_information(information, names))).tolist(),
-                strict=True,
+        parts = []
+        for command in commands:
+            names, information = fisher_information(
+                self.respond(command), self.settings, fed_back=False, spectrum=self.spectrum
             )
+            parts.append(information)
+        variances = parameter_variances(names, np.mean(parts, axis=0))
+        samples = round((self.settings.duration - LOST_TIME) * IDENTIFICATION_RATE)
+        band = pass_band(samples, IDENTIFICATION_RATE)
+        # As in `asymptotic_covariance`.
+        factor = 1.0 + 2.0 * band.smoothing_variance(NOISE_RESOLUTION)
+        return {name: factor * variance for name, variance in variances.items()}
+
+
+def largest_magnitude(x: np.ndarray) -> float:
+    """Largest magnitude of a signal."""
+    return float(np.max(np.abs(x)))
+
+
+def mean_speed(trial: PreparedTrial) -> float:
+    """Mean speed of the joint [rad/s]."""
+    return float(np.mean(np.abs(trial.velocity(0.0))))
+
+
+def _pilot_spectrum(pilot: Estimate) -> Callable[[np.ndarray], np.ndarray]:
+    """Spectrum of the disturbance that a pilot estimates."""
+    density = pilot.diagnostics.get("noise_spectrum")
+    if density is None:
+        raise DataError(
+            f"{pilot.method} estimates no spectrum of the noise: identify the pilot by riv."
         )
+    band = pass_band(pilot.torque.sizes["time"], pilot.torque.attrs["identification_rate"])
+    # The inverse of a periodogram that scatters is on average larger than that of the spectrum.
+    unbiased = density * (1.0 + band.smoothing_variance(NOISE_RESOLUTION))
+    points = pilot.diagnostics["noise_frequency"]
+    return lambda frequency: np.interp(frequency, points, unbiased)

@@ -14,23 +14,33 @@ import xarray as xr
 from scipy.io import savemat
 
 from ankleloop.errors import DataError, UnstableLoopError
-from ankleloop.experiments.experiment import LOST, Experiment, describe_joint
+from ankleloop.experiments.experiment import (
+    LONGEST_RECORD,
+    LOST_TIME,
+    Experiment,
+    describe_joint,
+    largest_magnitude,
+    mean_speed,
+)
 from ankleloop.joint.estimate import Estimate
 from ankleloop.options import check_flag, check_integer, check_number, check_path
-from ankleloop.simulation.settings import DWELLS
+from ankleloop.quantities import SETTINGS
+from ankleloop.simulation.settings import DWELL_TIMES
 from ankleloop.trials.files import atomic_file
 
-PARAMETERS = ("K", "B", "G")
+COMPARED_PARAMETERS = ("K", "B", "G")
 PRBS = {"perturbation": "prbs", "switching_interval": 0.1}
-EVALUATED = 24.0  # s: length of the sequences by which perturbations are compared
-STEPS = 5  # of the integration in a recorded sample: 0.01 % of the variances
-GENERATIONS, CHILDREN, PARENTS, SEARCH_DRAWS = 25, 8, 4, 2
-TIE = 0.05  # share of the sum of the time ratios in the criterion, beside the largest of them
+COMPARED_DURATION = 24.0  # s, of the sequences by which perturbations are compared
+COARSE_STEPS = 5  # of the integration in a recorded sample: 0.01 % of the variances
+# Of the evolution strategy: generations, children and parents of each, sequences by which a child is judged.
+GENERATIONS = 25
+CHILDREN = 8
+PARENTS = 4
+SEQUENCES = 2
+SUM_SHARE = 0.05  # of the sum of the time ratios in the criterion, beside the largest of them
 LEAST_AMPLITUDE = 0.1  # of that which was asked for
-FACTORS = {
-    "low": (0.8, 0.6, 0.4, 0.2),
-    "high": (1.25, 1.6, 2.0, 2.5),
-}  # of K and G, for the range of the design
+# Of K and G, downwards and upwards, for the range of the design.
+RANGE_FACTORS = ((0.8, 0.6, 0.4, 0.2), (1.25, 1.6, 2.0, 2.5))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +71,15 @@ class PerturbationDesign:
     seconds: float
     experiment: Experiment = field(repr=False)
 
-    def draw(self, seed: int) -> xr.DataArray:
+    def draw(self, seed: int, seconds: float | None = None) -> xr.DataArray:
         """A new sequence: one that a subject meets again can be learnt, so take another seed for each trial.
 
         Parameters
         ----------
         seed : int
             Seed of the sequence.
+        seconds : float, optional
+            Its length [s], as that of a plan (see `plan_duration`); otherwise that of the design.
 
         Returns
         -------
@@ -75,17 +87,22 @@ class PerturbationDesign:
             Command [rad] over time [s], within the limits of the design.
         """
         seed = check_integer("draw", "seed", seed, ge=0)
-        settings = self.experiment.settings.model_copy(update={"duration": self.seconds})
-        [command] = replace(self.experiment, settings=settings).draw(
-            _dwells(self.weights.values()), seed, count=1
-        )
-        time = xr.Variable(
-            "time", np.arange(command.size) / settings.recording_rate, {"units": "s"}
-        )
+        duration = self.seconds if seconds is None else _check_seconds("draw", seconds)
+        experiment = self.experiment.change(duration=duration)
+        (command,) = experiment.draw(_dwells(self.weights.values()), seed, count=1)
+        rate = experiment.settings.recording_rate
+        time = xr.Variable("time", np.arange(command.size) / rate, {"units": "s"})
         attributes = {"units": "rad", "long_name": "command of the servo", "seed": seed}
         return xr.DataArray(command, {"time": time}, name="command", attrs=attributes)
 
-    def save(self, path: str | os.PathLike[str], *, seed: int, overwrite: bool = False) -> None:
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        seed: int,
+        seconds: float | None = None,
+        overwrite: bool = False,
+    ) -> None:
         """Write a new sequence for the computer that commands the servo.
 
         Parameters
@@ -94,6 +111,8 @@ class PerturbationDesign:
             A .csv file with the columns "time" [s] and "command" [rad], or a .mat file with these and the rate "fs".
         seed : int
             Seed of the sequence.
+        seconds : float, optional
+            Its length [s]; otherwise that of the design.
         overwrite : bool
             Replace a file that exists.
 
@@ -107,18 +126,14 @@ class PerturbationDesign:
             raise DataError(
                 f"{target}: a command is written as .csv or .mat: choose one of these suffixes."
             )
-        command = self.draw(seed)
+        command = self.draw(seed, seconds)
         columns = {"time": command["time"].values, "command": command.values}
+        rate = self.experiment.settings.recording_rate
         with atomic_file(target, overwrite=overwrite) as partial:
             if target.suffix == ".csv":
                 pd.DataFrame(columns).to_csv(partial, index=False)
             else:
-                savemat(
-                    partial,
-                    {**columns, "fs": self.experiment.settings.recording_rate},
-                    False,
-                    oned_as="column",
-                )
+                savemat(partial, {**columns, "fs": rate}, appendmat=False, oned_as="column")
 
 
 def design_perturbation(
@@ -195,37 +210,39 @@ def design_perturbation(
     True
     """
     owner = "design_perturbation"
-    seconds = check_number(owner, "seconds", seconds, "s", ge=1, le=3600)
+    seconds = _check_seconds(owner, seconds)
     amplitude = check_number(owner, "amplitude", amplitude, "rad", ge=1e-9, le=500)
     seed = check_integer(owner, "seed", seed, ge=0)
-    given = {"torque": (torque, "N·m"), "servo_velocity": (servo_velocity, "rad/s")}
-    limits = {
-        name: check_number(owner, name, value, unit, gt=0)
-        for name, (value, unit) in given.items()
-        if value is not None
-    }
-    others = {**settings, **PRBS, "amplitude": 2 * amplitude, "duration": EVALUATED}
+    limits = {}
+    if torque is not None:
+        limits["torque"] = check_number(owner, "torque", torque, "N·m", gt=0)
+    if servo_velocity is not None:
+        velocity = check_number(owner, "servo_velocity", servo_velocity, "rad/s", gt=0)
+        limits["servo_velocity"] = velocity
+    others = {**settings, **PRBS, "amplitude": 2 * amplitude, "duration": COMPARED_DURATION}
     chosen = describe_joint(owner, joint, others)
-    coarse = min(chosen.integration_rate, STEPS * chosen.recording_rate)
+    coarse = min(chosen.integration_rate, COARSE_STEPS * chosen.recording_rate)
     experiment = Experiment.of(
         joint, chosen.model_copy(update={"integration_rate": coarse}), limits, seed
     )
     prbs = experiment.draw(PRBS, seed)
     if check_flag(owner, "gentle", gentle):
-        speed = np.mean(
-            [np.mean(np.abs(experiment.respond(command).velocity(0.0))) for command in prbs]
+        speeds = [mean_speed(experiment.respond(command)) for command in prbs]
+        experiment = replace(
+            experiment, limits={**limits, "joint_velocity": float(np.mean(speeds))}
         )
-        experiment = replace(experiment, limits={**limits, "joint_velocity": float(speed)})
     reference = experiment.variances(prbs)
-    weights = _search(experiment, reference, seed, (progress or iter)(range(GENERATIONS)))
+    generations = range(GENERATIONS)
+    iterator = generations if progress is None else progress(generations)
+    weights = _search(experiment, reference, seed, iterator)
     commands = experiment.draw(_dwells(weights), seed, GENERATIONS)
-    reached = float(np.mean([np.max(np.abs(command)) for command in commands]))
-    if reached < LEAST_AMPLITUDE * amplitude:
+    mean_amplitude = float(np.mean([largest_magnitude(command) for command in commands]))
+    if mean_amplitude < LEAST_AMPLITUDE * amplitude:
         raise ValueError(
-            f"{owner}: the limits leave ±{reached:.2g} rad of ±{amplitude:g} rad: raise torque or servo_velocity, or "
-            "ask for a smaller amplitude."
+            f"{owner}: the limits leave ±{mean_amplitude:.2g} rad of ±{amplitude:g} rad: raise torque or "
+            "servo_velocity, or ask for a smaller amplitude."
         )
-    variances, longer = experiment.variances(commands), (seconds - LOST) / (EVALUATED - LOST)
+    variances = experiment.variances(commands)
     ratios = _ratios(variances, reference)
     if max(ratios.values()) > 1.0:
         text = (
@@ -233,15 +250,21 @@ def design_perturbation(
             "record that."
         )
         warnings.warn(text, UserWarning, stacklevel=2)
+    longer = (seconds - LOST_TIME) / (COMPARED_DURATION - LOST_TIME)
     return PerturbationDesign(
-        weights=dict(zip(DWELLS, weights.tolist(), strict=True)),
-        amplitude=reached,
+        weights=dict(zip(DWELL_TIMES, weights.tolist(), strict=True)),
+        amplitude=mean_amplitude,
         time_ratio=ratios,
         standard_errors={name: (variance / longer) ** 0.5 for name, variance in variances.items()},
-        better_range=_find_range(experiment, commands, prbs),
+        better_range=_find_ranges(experiment, commands, prbs),
         seconds=seconds,
         experiment=experiment,
     )
+
+
+def _check_seconds(owner: str, seconds: float) -> float:
+    """Check the length of a sequence [s]."""
+    return check_number(owner, "seconds", seconds, "s", ge=1, le=LONGEST_RECORD)
 
 
 def _dwells(weights: Iterable[float]) -> dict[str, Any]:
@@ -253,7 +276,7 @@ def _ratios(variances: Mapping[str, float], reference: Mapping[str, float]) -> d
     """Ratios of the times for the same standard errors, of the parameters that there are."""
     return {
         name: variances[name] / reference[name]
-        for name in PARAMETERS
+        for name in COMPARED_PARAMETERS
         if np.isfinite(reference[name])
     }
 
@@ -266,25 +289,29 @@ def _search(
     All children of a generation have the same random numbers, and every generation has others.
     """
     rng = np.random.default_rng(seed)
-    size = len(DWELLS)
-    mean, path, spread = np.zeros(size), np.zeros(size), 1.0
+    size = len(DWELL_TIMES)
+    mean = np.zeros(size)
+    path = np.zeros(size)
+    spread = 1.0
     shares = np.log(PARENTS + 0.5) - np.log(np.arange(1, PARENTS + 1))
     shares /= shares.sum()
     parents = 1.0 / np.sum(shares**2)
     memory = (parents + 2.0) / (size + parents + 5.0)
+    gain = np.sqrt(memory * (2.0 - memory) * parents)
     for generation in generations:
         steps = rng.standard_normal((CHILDREN, size))
         costs = []
         for step in steps:
-            commands = experiment.draw(
-                _dwells(_normalise(mean + spread * step)), seed, generation, count=SEARCH_DRAWS
-            )
-            ratios = [*_ratios(experiment.variances(commands), reference).values()]
-            costs.append(max(ratios) + TIE * sum(ratios))
-        step = shares @ steps[np.argsort(costs)[:PARENTS]]
-        mean = mean + spread * step
-        path = (1.0 - memory) * path + np.sqrt(memory * (2.0 - memory) * parents) * step
-        spread *= np.exp(memory / (1.0 + memory) * (np.linalg.norm(path) / np.sqrt(size) - 1.0))
+            child = _dwells(_normalise(mean + spread * step))
+            commands = experiment.draw(child, seed, generation, count=SEQUENCES)
+            ratios = _ratios(experiment.variances(commands), reference).values()
+            costs.append(max(ratios) + SUM_SHARE * sum(ratios))
+        best = np.argsort(costs)[:PARENTS]
+        mean_step = shares @ steps[best]
+        mean = mean + spread * mean_step
+        path = (1.0 - memory) * path + gain * mean_step
+        length = np.linalg.norm(path) / np.sqrt(size)
+        spread *= np.exp(memory / (1.0 + memory) * (length - 1.0))
     return _normalise(mean)
 
 
@@ -294,31 +321,45 @@ def _normalise(logarithms: np.ndarray) -> np.ndarray:
     return weights / weights.sum()
 
 
-def _find_range(
+def _find_ranges(
     experiment: Experiment, commands: Sequence[np.ndarray], prbs: Sequence[np.ndarray]
 ) -> dict[str, tuple[float, float]]:
     """Ranges of the true K and G within which the commands tell more than the PRBS."""
     ranges = {}
-    for name, setting in (("K", "stiffness"), ("G", "reflex_gain")):
-        nominal = getattr(experiment.settings, setting)
-        ends = dict.fromkeys(FACTORS, nominal)
-        for side, factors in FACTORS.items():
-            for value in (factor * nominal for factor in factors):
-                other = replace(
-                    experiment, settings=experiment.settings.model_copy(update={setting: value})
-                )
-                if not _is_better(other, commands, prbs):
-                    break
-                ends[side] = value
-        ranges[name] = ends["low"], ends["high"]
+    for name in ("K", "G"):
+        setting = SETTINGS[name]
+        low, high = (
+            _find_end(experiment, setting, factors, commands, prbs) for factors in RANGE_FACTORS
+        )
+        ranges[name] = low, high
     return ranges
+
+
+def _find_end(
+    experiment: Experiment,
+    setting: str,
+    factors: Iterable[float],
+    commands: Sequence[np.ndarray],
+    prbs: Sequence[np.ndarray],
+) -> float:
+    """Last multiple of a setting with which the commands still tell more than the PRBS."""
+    nominal = float(getattr(experiment.settings, setting))
+    end = nominal
+    for factor in factors:
+        value = factor * nominal
+        if not _is_better(experiment.change(**{setting: value}), commands, prbs):
+            break
+        end = value
+    return end
 
 
 def _is_better(
     experiment: Experiment, commands: Sequence[np.ndarray], prbs: Sequence[np.ndarray]
 ) -> bool:
+    """Whether commands tell more of a joint than the PRBS; not if it is unstable."""
     try:
-        ratios = _ratios(experiment.variances(commands), experiment.variances(prbs))
+        variances = experiment.variances(commands)
+        ratios = _ratios(variances, experiment.variances(prbs))
     except UnstableLoopError:
         return False
     return max(ratios.values()) <= 1.0

@@ -11,12 +11,10 @@ from ankleloop.signals.statespace import companion, simulate_states, step_matric
 from ankleloop.simulation.settings import SimulationSettings
 
 ANTIALIAS_ORDER = 4
-VOLUNTARY_WARMUP = (
-    5.0  # periods of its cutoff until the low-pass of the voluntary torque has settled
-)
+VOLUNTARY_WARMUP = 5.0  # periods of its cutoff until the low-pass of voluntary torque has settled
 # Upper poles of Bessel low-passes whose -3 dB frequency is 1 rad/s, those of `scipy.signal.besselap(n, norm="mag")`:
 # importing that takes longer than simulating fifty trials.
-POLES = {
+BESSEL_POLES = {
     2: (-1.1016013305921608 + 0.636009824757034j,),
     4: (-0.995208764350272 + 1.257105739454664j, -1.3700678305514422 + 0.41024971749375155j),
 }
@@ -35,10 +33,9 @@ class DiscreteFilter(NamedTuple):
 
         Shapes: u (N,); returns (N,).
         """
-        return (
-            simulate_states(self.A, self.B[:, None], u[:, None], np.zeros(self.B.size))[0] @ self.C
-            + self.D * u
-        )
+        rest = np.zeros(self.B.size)
+        states, _ = simulate_states(self.A, self.B[:, None], u[:, None], rest)
+        return states @ self.C + self.D * u
 
 
 def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
@@ -46,16 +43,23 @@ def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
 
     Shapes: returns (order + 1,).
     """
-    poles = cutoff * np.array(POLES[order])
+    poles = cutoff * np.array(BESSEL_POLES[order])
     return np.poly(np.concatenate([poles, poles.conj()])).real
 
 
 @lru_cache
 def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
+    """The anti-aliasing filter for inputs that are held, or linear, over a sample."""
     A, B, C = companion(bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff))
     F, before, now = step_matrices(A, B, 1.0 / rate)
-    B, D = (F @ now + before, float(C[0] @ now[:, 0])) if hold == "foh" else (before + now, 0.0)
-    return DiscreteFilter(np.ascontiguousarray(F), B[:, 0].copy(), C[0], D)
+    output = C[0]
+    if hold == "zoh":
+        drive = before + now
+        feedthrough = 0.0
+    else:
+        drive = F @ now + before
+        feedthrough = float(output @ now[:, 0])
+    return DiscreteFilter(np.ascontiguousarray(F), drive[:, 0].copy(), output, feedthrough)
 
 
 def antialias(
@@ -65,7 +69,7 @@ def antialias(
 
     Shapes: x (N,).
     """
-    if settings.antialias_cutoff is None:
+    if settings.antialias_cutoff is None or not x.any():
         return x
     return _antialias_filter(settings.antialias_cutoff, settings.recording_rate, hold).run(x)
 
@@ -74,17 +78,16 @@ def antialias(
 def voluntary_filter(rate: float, cutoff: float) -> tuple[DiscreteFilter, int, float]:
     """Second-order Bessel low-pass in discrete time, by the bilinear transform with prewarped cutoff."""
     double = 2.0 * rate
+    square = double**2
     _, slope, constant = bessel_denominator(2, double * np.tan(np.pi * cutoff / rate))
-    a = np.array(
-        [
-            double**2 + slope * double + constant,
-            2 * (constant - double**2),
-            double**2 - slope * double + constant,
-        ]
-    )
-    b, a = constant * np.array([1.0, 2.0, 1.0]) / a[0], a / a[0]
-    A = np.array([[-a[1], 1.0], [-a[2], 0.0]])
-    system = DiscreteFilter(A, b[1:] - a[1:] * b[0], np.array([1.0, 0.0]), float(b[0]))
+    linear = slope * double
+    leading = square + linear + constant
+    a1 = 2 * (constant - square) / leading
+    a2 = (square - linear + constant) / leading
+    gain = constant / leading  # the numerator is gain · (1, 2, 1)
+    A = np.array([[-a1, 1.0], [-a2, 0.0]])
+    B = np.array([2 * gain - a1 * gain, gain - a2 * gain])
+    system = DiscreteFilter(A, B, np.array([1.0, 0.0]), float(gain))
     warmup = int(np.ceil(VOLUNTARY_WARMUP * rate / cutoff))
-    response = system.run(np.eye(1, 2 * warmup + 1)[0])
-    return system, warmup, float(np.linalg.norm(response))
+    impulse = np.eye(1, 2 * warmup + 1)[0]
+    return system, warmup, float(np.linalg.norm(system.run(impulse)))

@@ -13,9 +13,10 @@ polynomial of low degree through a few values of both gives them to eight digits
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -27,16 +28,14 @@ from ankleloop.simulation.filters import ANTIALIAS_ORDER, bessel_denominator
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import Trajectories, parameter_ranges
 
-ACCURACY = (
-    1e-8  # of the largest entry of a row: error of the polynomials for stiffness and viscosity
-)
-HIGHEST_DEGREE = 6
-VECTOR = 8  # doubles: rows of whole vectors take a fourth less time
+# Error of the polynomials for stiffness and viscosity, over the largest entry of a row.
+POLYNOMIAL_ERROR = 1e-8
+HIGHEST_DEGREE = 6  # of these polynomials
+VECTOR_SIZE = 8  # doubles: rows of whole vectors take a fourth less time
 # Inputs of the continuous model; the drive of the reflex is the rectified delayed velocity, times the share of the gain
 # in its largest value.
 COMMAND, NOISE, VOLUNTARY, DRIVE = range(4)
-# Settings that decide whether the loop is stable.
-DECISIVE = (
+STABILITY_SETTINGS = (
     "load_inertia",
     "load_viscosity",
     "load_stiffness",
@@ -45,7 +44,7 @@ DECISIVE = (
     "stiffness",
     "viscosity",
 )
-RECORDED = 3  # position, intrinsic and reflex torque
+RECORDED_SIGNALS = 3  # position, intrinsic and reflex torque
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,26 +55,31 @@ class Loop:
     each integration step, and zeros that fill up a vector; the velocities are those after each integration step.
     """
 
-    matrix: (
-        np.ndarray
-    )  # shape (rows, columns), for stiffness and viscosity in the middle of their ranges
+    # Shape (rows, columns), for stiffness and viscosity in the middle of their ranges.
+    matrix: np.ndarray
     ranges: np.ndarray  # shape (2, 2): middle and half of the ranges of stiffness and viscosity
     # Shape (terms, rows, columns): changes of the matrix in proportion to products of powers of x and y, the deviations
     # of stiffness and viscosity from the middle of their ranges as shares of half of them; no terms for constant ones.
     changes: np.ndarray
-    powers: tuple[tuple[int, int], ...] = ()  # powers of x and y in each term
+    powers: Sequence[tuple[int, ...]] = ()  # powers of x and y in each term
 
     def factors(self, stiffness: np.ndarray, viscosity: np.ndarray) -> np.ndarray:
         """Factor of each of the changes, shape (N, terms), for stiffness and viscosity over N samples."""
-        factors = np.empty((stiffness.size, len(self.powers)))
-        if self.powers:
-            (middle_x, half_x), (middle_y, half_y) = self.ranges
-            x, y = (
-                (stiffness - middle_x) / (half_x or 1.0),
-                (viscosity - middle_y) / (half_y or 1.0),
-            )
-            factors[:] = np.stack([x**i * y**j for i, j in self.powers], axis=1)
-        return factors
+        if not self.powers:
+            return np.empty((stiffness.size, 0))
+        middle, half = self.ranges.T
+        values = np.column_stack([stiffness, viscosity])
+        shares = (values - middle) / np.where(half > 0, half, 1.0)
+        return _monomials(shares, self.powers)
+
+
+def _monomials(points: np.ndarray, powers: Sequence[tuple[int, ...]]) -> np.ndarray:
+    """Products of powers of x and y.
+
+    Shapes: points (N, 2); returns (N, terms).
+    """
+    x, y = points.T
+    return np.stack([x**i * y**j for i, j in powers], axis=1)
 
 
 class _ContinuousModel(NamedTuple):
@@ -87,60 +91,80 @@ class _ContinuousModel(NamedTuple):
     D: np.ndarray
 
 
+def _equations_of_motion(
+    settings: SimulationSettings, stiffness: float, viscosity: float
+) -> _ContinuousModel:
+    """States: servo and its rate, displacement of the load and its rate, reflex torque and its derivatives."""
+    servo = lowpass_denominator(2 * np.pi * settings.actuator_frequency, settings.actuator_damping)
+    A_servo, B_servo, _ = companion(servo)
+    A_reflex, B_reflex, _ = companion(
+        lowpass_denominator(settings.omega_n, settings.zeta, settings.pole)
+    )
+    reflex = slice(4, 4 + len(A_reflex))
+    inertia = settings.inertia
+    A = np.zeros((reflex.stop, reflex.stop))
+    B = np.zeros((reflex.stop, 4))
+    A[:2, :2] = A_servo
+    B[:2, COMMAND] = B_servo[:, 0]
+    A[reflex, reflex] = A_reflex
+    largest_gain = parameter_ranges(settings)[2, 1]
+    B[reflex, DRIVE] = largest_gain * B_reflex[:, 0]
+
+    position, velocity, reflex_torque = np.zeros((RECORDED_SIGNALS, reflex.stop))
+    position[[0, 2]] = 1, -1
+    velocity[[1, 3]] = 1, -1
+    reflex_torque[reflex.start] = 1
+    viscoelastic = stiffness * position + viscosity * velocity
+    if settings.closed_loop:
+        # Torque acts on acceleration at once: I_L·l̈ = TQ − B_L·l̇ − K_L·l with TQ holding I·(θ̈ − l̈), solved for l̈.
+        drive = viscoelastic + inertia * A[1] + reflex_torque
+        drive[2] -= settings.load_stiffness
+        drive[3] -= settings.load_viscosity
+        inputs = inertia * B[1]
+        inputs[[NOISE, VOLUNTARY]] += 1
+        total_inertia = settings.load_inertia + inertia
+        A[2, 3] = 1
+        A[3] = drive / total_inertia
+        B[3] = inputs / total_inertia
+    intrinsic = viscoelastic + inertia * (A[1] - A[3])
+    D = np.zeros((RECORDED_SIGNALS, 4))
+    D[1] = inertia * (B[1] - B[3])  # command and noise act on the acceleration at once
+    return _ContinuousModel(A, B, np.vstack([position, intrinsic, reflex_torque]), D)
+
+
 def _continuous_model(
     settings: SimulationSettings, stiffness: float, viscosity: float
 ) -> _ContinuousModel:
-    """States: servo, displacement of the load and its rate, reflex torque, filters."""
-    As, bs, _ = companion(
-        lowpass_denominator(2 * np.pi * settings.actuator_frequency, settings.actuator_damping)
-    )
-    Aq, bq, _ = companion(lowpass_denominator(settings.omega_n, settings.zeta, settings.pole))
-    servo, reflex = slice(0, 2), slice(4, 4 + len(Aq))
-    n = reflex.stop
-    A, B = np.zeros((n, n)), np.zeros((n, 4))
-
-    A[servo, servo], B[servo, COMMAND] = As, bs[:, 0]
-    A[reflex, reflex], B[reflex, DRIVE] = Aq, parameter_ranges(settings)[2, 1] * bq[:, 0]
-    position, velocity, reflex_torque = np.zeros((RECORDED, n))
-    position[[0, 2]] = velocity[[1, 3]] = 1, -1
-    reflex_torque[reflex.start] = 1
-    if settings.closed_loop:
-        # Torque acts on acceleration at once: I_L·l̈ = TQ − B_L·l̇ − K_L·l with TQ holding I·(θ̈ − l̈), solved for l̈.
-        row = stiffness * position + viscosity * velocity + settings.inertia * A[1] + reflex_torque
-        row[2] -= settings.load_stiffness
-        row[3] -= settings.load_viscosity
-        inputs = settings.inertia * B[1]
-        inputs[[NOISE, VOLUNTARY]] += 1
-        A[2, 3] = 1
-        A[3] = row / (settings.load_inertia + settings.inertia)
-        B[3] = inputs / (settings.load_inertia + settings.inertia)
-    intrinsic = stiffness * position + viscosity * velocity + settings.inertia * (A[1] - A[3])
-    D = np.zeros((RECORDED, 4))
-    D[1] = settings.inertia * (B[1] - B[3])  # command and noise act on the acceleration at once
-    model = _ContinuousModel(A, B, np.vstack([position, intrinsic, reflex_torque]), D)
-    if settings.antialias_cutoff is None:
+    """The equations of motion, with the anti-aliasing filters behind what is recorded."""
+    model = _equations_of_motion(settings, stiffness, viscosity)
+    cutoff = settings.antialias_cutoff
+    if cutoff is None:
         return model
     if _varying_range(settings)[:, 1].any():
-        return _filter_outputs(model, settings.antialias_cutoff)
+        return _filter_outputs(model, cutoff)
     # The filter commutes with differentiation: its states give the filtered P, Ṗ and P̈, hence the intrinsic torque. It
     # does not commute with a stiffness that varies.
-    filtered = _filter_outputs(
-        model._replace(C=model.C[[0, 2]], D=model.D[[0, 2]]), settings.antialias_cutoff
-    )
+    others = [0, 2]
+    filtered = _filter_outputs(model._replace(C=model.C[others], D=model.D[others]), cutoff)
+    motion = slice(len(model.A), len(model.A) + 3)
     intrinsic = np.zeros(len(filtered.A))
-    intrinsic[n : n + 3] = stiffness, viscosity, settings.inertia
-    return filtered._replace(C=np.insert(filtered.C, 1, intrinsic, axis=0), D=np.zeros_like(D))
+    intrinsic[motion] = stiffness, viscosity, settings.inertia
+    C = np.insert(filtered.C, 1, intrinsic, axis=0)
+    return filtered._replace(C=C, D=np.zeros_like(model.D))
 
 
 def _filter_outputs(model: _ContinuousModel, cutoff: float) -> _ContinuousModel:
     """The model with an anti-aliasing filter behind each output."""
-    Af, bf, _ = companion(bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff))
-    outputs, order, n = len(model.C), len(Af), len(model.A)
-    A = np.pad(model.A, (0, outputs * order))
-    A[n:, :n], A[n:, n:] = np.kron(model.C, bf), np.kron(np.eye(outputs), Af)
-    B = np.vstack([model.B, np.kron(model.D, bf)])
+    A_filter, B_filter, _ = companion(bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff))
+    outputs = len(model.C)
+    states = len(model.A)
+    A = np.pad(model.A, (0, outputs * ANTIALIAS_ORDER))
+    A[states:, :states] = np.kron(model.C, B_filter)
+    A[states:, states:] = np.kron(np.eye(outputs), A_filter)
+    B = np.vstack([model.B, np.kron(model.D, B_filter)])
     C = np.zeros((outputs, len(A)))
-    C[np.arange(outputs), n + order * np.arange(outputs)] = 1
+    rows = np.arange(outputs)
+    C[rows, states + ANTIALIAS_ORDER * rows] = 1
     return _ContinuousModel(A, B, C, np.zeros_like(model.D))
 
 
@@ -154,20 +178,12 @@ def build_loop(settings: SimulationSettings) -> Loop:
     ranges = _varying_range(settings)
     middle, half = ranges.T
     matrix = _discretise(settings, middle)
-    loop = Loop(matrix, ranges, np.empty((0, *matrix.shape)))
-    for degree in range(2, HIGHEST_DEGREE + 1) if half.any() else ():
-        nodes = [
-            np.cos(np.pi * np.arange(degree + 1) / degree) if size > 0 else np.zeros(1)
-            for size in half
-        ]
-        points = list(product(*nodes))
-        powers = [(i, j) for i in range(nodes[0].size) for j in range(nodes[1].size)]
-        samples = np.array([_discretise(settings, middle + half * point) for point in points])
-        vandermonde = np.array([[x**i * y**j for i, j in powers] for x, y in points])
-        terms = np.tensordot(np.linalg.inv(vandermonde), samples, 1)
-        counted = [k for k, (i, j) in enumerate(powers) if 0 < i + j <= degree]
-        loop = Loop(matrix, ranges, terms[counted], tuple(powers[k] for k in counted))
-        if _interpolation_error(loop, settings) < ACCURACY:
+    constant = Loop(matrix, ranges, np.empty((0, *matrix.shape)))
+    if not half.any():
+        return constant
+    for degree in range(2, HIGHEST_DEGREE + 1):
+        loop = _fit_polynomials(settings, constant, degree)
+        if _interpolation_error(loop, settings) < POLYNOMIAL_ERROR:
             break
     return loop
 
@@ -178,33 +194,50 @@ def _varying_range(settings: SimulationSettings) -> np.ndarray:
     return np.column_stack([0.5 * (low + high), 0.5 * (high - low)])
 
 
+def _fit_polynomials(settings: SimulationSettings, constant: Loop, degree: int) -> Loop:
+    """The loop with polynomials of a degree through Chebyshev points of stiffness and viscosity."""
+    middle, half = constant.ranges.T
+    chebyshev = np.cos(np.pi * np.arange(degree + 1) / degree)
+    nodes = [chebyshev if size > 0 else np.zeros(1) for size in half]
+    powers = list(product(*(range(places.size) for places in nodes)))
+    points = np.array(list(product(*nodes)))
+    matrices = [_discretise(settings, values) for values in middle + half * points]
+    inverse = np.linalg.inv(_monomials(points, powers))
+    terms = np.tensordot(inverse, np.array(matrices), 1)
+    low_degree = [k for k, exponents in enumerate(powers) if 0 < sum(exponents) <= degree]
+    return Loop(
+        constant.matrix, constant.ranges, terms[low_degree], [powers[k] for k in low_degree]
+    )
+
+
 def _interpolation_error(loop: Loop, settings: SimulationSettings) -> float:
     """Largest error of the polynomials away from their points, over the largest entry of each row."""
     middle, half = loop.ranges.T
     errors = []
-    for point in product((-0.8, 0.35), (-0.45, 0.85)):
-        values = middle + half * point
-        matrix = _discretise(settings, values)
-        difference = (
-            loop.matrix + np.tensordot(loop.factors(*values[:, None])[0], loop.changes, 1) - matrix
-        )
-        errors.append(np.max(np.abs(difference) / np.abs(matrix).max(axis=1, keepdims=True)))
+    for shares in product((-0.8, 0.35), (-0.45, 0.85)):
+        values = middle + half * shares
+        exact = _discretise(settings, values)
+        (factors,) = loop.factors(*values[:, None])
+        difference = loop.matrix + np.tensordot(factors, loop.changes, 1) - exact
+        largest = np.abs(exact).max(axis=1, keepdims=True)
+        errors.append(np.max(np.abs(difference) / largest))
     return float(max(errors))
 
 
 def _discretise(settings: SimulationSettings, values: np.ndarray) -> np.ndarray:
     """Matrix of the loop over one recorded sample, for a stiffness and a viscosity."""
-    steps = round(settings.integration_rate / settings.recording_rate)
     A, B, C, D = _continuous_model(settings, *values)
     F, before, after = step_matrices(A, B, 1.0 / settings.integration_rate)
-    n = len(A)
-    inputs = -(-(n + steps + 5) // VECTOR) * VECTOR - n
-    state, velocities = np.eye(n, n + inputs), []
-    for step in range(steps):
+    steps = round(settings.integration_rate / settings.recording_rate)
+    states = len(A)
+    columns = -(-(states + steps + 5) // VECTOR_SIZE) * VECTOR_SIZE
+    inputs = columns - states
+    state = np.eye(states, columns)
+    velocities = []
+    selections = (_select_inputs(step, steps, inputs) for step in range(steps + 1))
+    for start, end in pairwise(selections):
         state = F @ state
-        state[:, n:] += before @ _select_inputs(step, steps, inputs) + after @ _select_inputs(
-            step + 1, steps, inputs
-        )
+        state[:, states:] += before @ start + after @ end
         velocities.append(state[1] - state[3])
     recorded = np.hstack([C, D @ _select_inputs(0, steps, inputs)])  # at the start of the sample
     return np.vstack([state, *velocities, recorded])
@@ -212,9 +245,10 @@ def _discretise(settings: SimulationSettings, values: np.ndarray) -> np.ndarray:
 
 def _select_inputs(step: int, steps: int, inputs: int) -> np.ndarray:
     """Inputs of the continuous model after some of the integration steps, from w; shape (4, inputs)."""
+    share = step / steps
     selection = np.zeros((4, inputs))
     selection[[COMMAND, NOISE, DRIVE], [0, 1, 4 + step]] = 1.0
-    selection[VOLUNTARY, 2:4] = 1.0 - step / steps, step / steps
+    selection[VOLUNTARY, 2:4] = 1.0 - share, share
     return selection
 
 
@@ -229,24 +263,29 @@ def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limi
     record (3, N).
     """
     # Numbers are copied one by one: numba takes seconds to compile what copies arrays.
-    frames, inputs = command.size, 4
+    samples = command.size
     steps, whole, fraction = delay
     threshold, limit = limits
     rows, columns = matrix.shape
-    n = rows - steps - len(record)
+    states = rows - steps - len(record)
+    drives = states + 4  # place of the drives in (x, w)
     # Drive of the reflex from the present step to the end of the delay, in a ring; zero before the run begins.
-    ring, start, velocity = np.zeros(whole + steps + 2), 0, 0.0
-    z, out, present = np.zeros(columns), np.zeros(rows), matrix.copy()
-    for k in range(frames):
-        z[n], z[n + 1], z[n + 2], z[n + 3] = (
-            command[k],
-            noise[k],
-            voluntary[k],
-            voluntary[min(k + 1, frames - 1)],
-        )
+    ring = np.zeros(whole + steps + 2)
+    first = 0
+    velocity = 0.0
+    z = np.zeros(columns)
+    out = np.zeros(rows)
+    present = matrix.copy()
+    for k in range(samples):
+        z[states] = command[k]
+        z[states + 1] = noise[k]
+        z[states + 2] = voluntary[k]
+        z[states + 3] = voluntary[min(k + 1, samples - 1)]
         for j in range(steps + 1):
-            at = start + j
-            z[n + inputs + j] = gains[k] * ring[at if at < ring.size else at - ring.size]
+            place = first + j
+            if place >= ring.size:  # a remainder would take longer
+                place -= ring.size
+            z[drives + j] = gains[k] * ring[place]
         for i in range(rows if len(changes) > 0 else 0):
             for j in range(columns):
                 present[i, j] = matrix[i, j]
@@ -255,25 +294,24 @@ def _run(matrix, changes, factors, gains, command, noise, voluntary, delay, limi
                 for j in range(columns):
                     present[i, j] += factor * changes[term, i, j]
         for i in range(rows):
-            total, row = 0.0, present[i]
+            total = 0.0
+            row = present[i]
             for j in range(columns):
                 total += row[j] * z[j]
             out[i] = total
         for i in range(len(record)):
-            record[i, k] = out[n + steps + i]
+            record[i, k] = out[states + steps + i]
         if not abs(record[0, k]) <= limit:
             return k
-        for i in range(n):
+        for i in range(states):
             z[i] = out[i]
         for j in range(steps):
-            now = out[n + j]
-            delayed = (
-                fraction * velocity + (1.0 - fraction) * now
-            )  # the delay ends between two steps
-            at = (start + j + 1 + whole) % ring.size
-            ring[at] = max(0.0, delayed - threshold)
+            now = out[states + j]
+            # The delay ends between two steps.
+            delayed = fraction * velocity + (1.0 - fraction) * now
+            ring[(first + j + 1 + whole) % ring.size] = max(0.0, delayed - threshold)
             velocity = now
-        start = (start + steps) % ring.size
+        first = (first + steps) % ring.size
     return -1
 
 
@@ -289,27 +327,31 @@ def run_loop(
     Shapes: joint in the middle of each sample, command, noise, voluntary (N,); returns (3, N).
     """
     loop = build_loop(settings)
-    steps_of_delay = settings.delay * settings.integration_rate
-    whole = int(np.floor(steps_of_delay + 1e-9))
-    delay = (
-        round(settings.integration_rate / settings.recording_rate),
-        whole,
-        max(0.0, steps_of_delay - whole),
-    )
-    limits = settings.reflex_threshold, settings.position_limit
-    factors = loop.factors(joint.stiffness, joint.viscosity)
-    gains = joint.gain / (parameter_ranges(settings)[2, 1] or 1.0)
-    record = np.empty((RECORDED, command.size))
+    steps = round(settings.integration_rate / settings.recording_rate)
+    delay = settings.delay * settings.integration_rate
+    whole = int(np.floor(delay + 1e-9))
+    largest_gain = parameter_ranges(settings)[2, 1] or 1.0
+    record = np.empty((RECORDED_SIGNALS, command.size))
     divergence = _run(
-        loop.matrix, loop.changes, factors, gains, command, noise, voluntary, delay, limits, record
+        loop.matrix,
+        loop.changes,
+        loop.factors(joint.stiffness, joint.viscosity),
+        joint.gain / largest_gain,
+        command,
+        noise,
+        voluntary,
+        (steps, whole, max(0.0, delay - whole)),
+        (settings.reflex_threshold, settings.position_limit),
+        record,
     )
     if divergence >= 0:
-        parameters = (
-            f"{name}={getattr(settings, name):g} {settings.unit(name)}" for name in DECISIVE
+        seconds = divergence / settings.recording_rate
+        parameters = ", ".join(
+            f"{name}={getattr(settings, name):g} {settings.unit(name)}"
+            for name in STABILITY_SETTINGS
         )
         raise UnstableLoopError(
-            f"the closed loop is unstable: the position passes ±{settings.position_limit:g} rad after "
-            f"{divergence / settings.recording_rate:.3g} s. Parameters: {', '.join(parameters)}. "
-            "Take a heavier or more damped load, or a lower reflex gain."
+            f"the closed loop is unstable: the position passes ±{settings.position_limit:g} rad after {seconds:.3g} s. "
+            f"Parameters: {parameters}. Take a heavier or more damped load, or a lower reflex gain."
         )
     return record

@@ -13,20 +13,12 @@ from pydantic import ValidationInfo, field_validator, model_validator
 
 from ankleloop.options import Options, option, show_value
 
-MOST_STEPS = 1000  # integration steps over a recorded sample: the loop has a matrix of as many rows
-DWELLS = (
-    0.02,
-    0.03,
-    0.04,
-    0.06,
-    0.08,
-    0.1,
-    0.15,
-    0.2,
-    0.3,
-    0.4,
-    0.6,
-)  # s: dwell times of the perturbation "dwells"
+MOST_INTEGRATION_STEPS = (
+    1000  # integration steps over a recorded sample: the loop has a matrix of as many rows
+)
+# Dwell times of the perturbation "dwells" [s].
+DWELL_TIMES = (0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6)
+DWELL_TEXT = ", ".join(f"{1000 * dwell:g}" for dwell in DWELL_TIMES)
 
 
 def _variation_option(symbol: str) -> Any:
@@ -153,7 +145,7 @@ class SimulationSettings(Options):
     )
     dwell_weights: tuple[float, ...] | str | None = option(
         None,
-        f"weights of the dwell times {', '.join(f'{1000 * dwell:g}' for dwell in DWELLS)} ms; null for equal ones",
+        f"weights of the dwell times {DWELL_TEXT} ms; null for equal ones",
     )
     amplitude: float = option(
         0.04, "peak-to-peak amplitude of the position command", unit="rad", ge=1e-9, le=1000
@@ -241,30 +233,30 @@ class SimulationSettings(Options):
         """Tables come as lists from YAML, as arrays from NumPy, and as text from points of a study."""
         if values is None:
             return None
+        numbers = values.split(",") if isinstance(values, str) else values
         try:
-            table = tuple(
-                float(value) for value in (values.split(",") if isinstance(values, str) else values)
-            )
+            table = tuple(map(float, numbers))
         except (TypeError, ValueError):
             table = ()
         if len(table) < 2:
             name = str(info.field_name)
-            fault = f"{name} must be 2 numbers [{cls.unit(name)}] or more, in a list or a text with commas"
-            raise ValueError(f"{fault}, got {show_value(values)}.")
+            form = f"2 numbers [{cls.unit(name)}] or more, in a list or a text with commas"
+            raise ValueError(f"{name} must be {form}, got {show_value(values)}.")
         return table
 
     @model_validator(mode="after")
     def _check_tables(self) -> Self:
         """Tables hold no negative values, and nothing varies where `variation` says that nothing does."""
         weights = self.dwell_weights
-        if isinstance(weights, tuple) and (
-            len(weights) != len(DWELLS) or min(weights) < 0 or max(weights) == 0
-        ):
-            raise ValueError(
-                f"dwell_weights must be {len(DWELLS)} numbers of at least 0, not all 0, got {weights}."
-            )
+        if isinstance(weights, tuple):
+            is_complete = len(weights) == len(DWELL_TIMES)
+            if not is_complete or min(weights) < 0 or max(weights) == 0:
+                raise ValueError(
+                    f"dwell_weights must be {len(DWELL_TIMES)} numbers of at least 0, not all 0, got {weights}."
+                )
         for name in ("stiffness", "viscosity", "gain"):
-            table, share = getattr(self, f"{name}_table"), getattr(self, f"{name}_variation")
+            table = getattr(self, f"{name}_table")
+            share = getattr(self, f"{name}_variation")
             if table is not None and min(table) < 0:
                 raise ValueError(
                     f"{name}_table must hold values of at least 0, got {min(table):g}."
@@ -278,26 +270,25 @@ class SimulationSettings(Options):
     @model_validator(mode="after")
     def _check_times(self) -> Self:
         """What is held or switched has to fall on recorded samples, and the reflex needs a recorded past."""
-        rate, interval, steps = (
-            self.recording_rate,
-            self.switching_interval,
-            self.integration_rate / self.recording_rate,
-        )
-        for name, ratio in (
-            ("duration × recording_rate", self.duration * rate),
-            ("settling × recording_rate", self.settling * rate),
-            ("switching_interval × recording_rate", interval * rate),
-            ("pulse_length × recording_rate", self.pulse_length * rate),
-            ("recording_rate / noise_rate", rate / self.noise_rate),
-            ("integration_rate / recording_rate", steps),
-        ):
-            if abs(ratio - round(ratio)) > 1e-6 or (
-                round(ratio) < 1 and not name.startswith("settling")
-            ):
-                raise ValueError(f"{name} must be a whole number, got {ratio:g}.")
-        if steps > MOST_STEPS + 0.5:
+        rate = self.recording_rate
+        interval = self.switching_interval
+        steps = self.integration_rate / rate
+        counts = {
+            "duration × recording_rate": self.duration * rate,
+            "settling × recording_rate": self.settling * rate,
+            "switching_interval × recording_rate": interval * rate,
+            "pulse_length × recording_rate": self.pulse_length * rate,
+            "recording_rate / noise_rate": rate / self.noise_rate,
+            "integration_rate / recording_rate": steps,
+        }
+        for name, count in counts.items():
+            whole = round(count)
+            fewest = 0 if name.startswith("settling") else 1
+            if abs(count - whole) > 1e-6 or whole < fewest:
+                raise ValueError(f"{name} must be a whole number, got {count:g}.")
+        if steps > MOST_INTEGRATION_STEPS + 0.5:
             raise ValueError(
-                f"integration_rate / recording_rate must be at most {MOST_STEPS}, got {steps:g}."
+                f"integration_rate / recording_rate must be at most {MOST_INTEGRATION_STEPS}, got {steps:g}."
             )
         if self.perturbation == "pulses" and self.pulse_length > interval * (1 + 1e-9):
             raise ValueError(

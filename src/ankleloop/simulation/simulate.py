@@ -14,11 +14,12 @@ from ankleloop.errors import DataError
 from ankleloop.options import as_plain, as_real, check_memory, show_fields, show_value
 from ankleloop.simulation.filters import antialias, voluntary_filter
 from ankleloop.simulation.loop import run_loop
-from ankleloop.simulation.settings import DWELLS, SimulationSettings
+from ankleloop.simulation.settings import DWELL_TIMES, SimulationSettings
 from ankleloop.simulation.trajectories import Course, draw_course, trajectories
 from ankleloop.trials.trial import new_trial
 
-HELD_VALUES = 100  # values of noise over which the anti-aliasing filter settles
+HELD_NOISE_VALUES = 100  # over which the anti-aliasing filter settles
+RATE_TOLERANCE = 1e-4  # of the rate of a command
 TRIAL_ARRAYS = 16  # arrays over all samples of a trial that are in memory at a time, at least
 
 
@@ -52,8 +53,8 @@ def simulate(
         Inertia [kg·m²], viscosity [N·m·s/rad] and stiffness [N·m/rad] of the load together, instead of the settings
         `load_inertia`, `load_viscosity` and `load_stiffness`.
     command : array_like, shape (duration × recording_rate,), optional
-        A perturbation of one's own [rad] instead of one that is drawn. Its end also precedes the record: it is repeated
-        while the loop settles.
+        A perturbation of one's own [rad] instead of one that is drawn, at the recording rate; without a duration, that
+        of the command. Its end also precedes the record: it is repeated while the loop settles.
     **settings
         Settings by name; `SimulationSettings` describes each of them with its unit, default and bounds.
 
@@ -74,7 +75,7 @@ def simulate(
     ValueError
         For a value out of its bounds.
     DataError
-        For a command of another length than the record, or that is no finite numbers.
+        For a command of another length or rate than the record, or that is no finite numbers.
 
     Examples
     --------
@@ -82,77 +83,87 @@ def simulate(
     >>> trial.sizes["time"]
     10000
     """
-    all_settings = SimulationSettings.parse("simulate", load=load, **settings)
-    samples = (all_settings.duration + all_settings.settling) * all_settings.recording_rate
+    values = SimulationSettings.parse("simulate", load=load, **settings)
+    own_command = None
+    if command is not None:
+        own_command = _check_command(command, values.recording_rate)
+        if "duration" not in settings:
+            duration = own_command.size / values.recording_rate
+            values = SimulationSettings.parse("simulate", **{**dict(values), "duration": duration})
+    samples = (values.duration + values.settling) * values.recording_rate
     remedy = "take a shorter duration or settling, or a lower recording_rate"
     check_memory("simulate", 8.0 * TRIAL_ARRAYS * samples, remedy)
-    if command is None:
-        return _simulate(all_settings, _check_seed(seed))
-    own = _check_command(command, all_settings)
-    return _simulate(all_settings, _check_seed(seed), own).assign_attrs(perturbation="command")
+    trial = _simulate(values, _check_seed(seed), own_command)
+    return trial if own_command is None else trial.assign_attrs(perturbation="command")
 
 
-def _check_command(command: ArrayLike, settings: SimulationSettings) -> np.ndarray:
+def _check_command(command: ArrayLike, rate: float) -> np.ndarray:
+    """A command [rad], whose times, where it has them, must be those of samples of the record."""
+    if isinstance(command, xr.DataArray) and "time" in command.coords and command.size > 1:
+        times = as_real(command["time"], "time of the command")
+        own_rate = (times.size - 1) / np.ptp(times)
+        if not abs(own_rate - rate) <= RATE_TOLERANCE * rate:
+            raise DataError(
+                f"simulate: command has {own_rate:.6g} samples a second, but recording_rate is {rate:g} Hz: "
+                f"draw it at this rate, or set recording_rate={own_rate:.6g}."
+            )
+    return as_real(command, "command")
+
+
+def _repeat_command(command: np.ndarray, settings: SimulationSettings) -> np.ndarray:
     """A command over the record, with its end ahead of it [rad]."""
-    values, samples = (
-        as_real(command, "command"),
-        round(settings.duration * settings.recording_rate),
-    )
-    if values.shape != (samples,) or not np.isfinite(values).all():
+    rate = settings.recording_rate
+    samples = round(settings.duration * rate)
+    if command.shape != (samples,) or not np.isfinite(command).all():
         raise DataError(
-            f"simulate: command must be {samples} finite numbers [rad], got shape {values.shape}: give its duration."
+            f"simulate: command must be {samples} finite numbers [rad] for a duration of {settings.duration:g} s, got "
+            f"shape {command.shape}: leave out the duration, or draw a command of this duration."
         )
-    return values.take(
-        np.arange(-round(settings.settling * settings.recording_rate), samples), mode="wrap"
-    )
+    return command.take(np.arange(-round(settings.settling * rate), samples), mode="wrap")
 
 
 def _simulate(
-    settings: SimulationSettings, seed: int | np.random.SeedSequence, own: np.ndarray | None = None
+    settings: SimulationSettings,
+    seed: int | np.random.SeedSequence,
+    own_command: np.ndarray | None = None,
 ) -> xr.Dataset:
-    rate, settling = settings.recording_rate, round(settings.settling * settings.recording_rate)
-    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-    # Keys of the streams are set here: `SeedSequence.spawn` counts its calls, so the same seed would give other bits.
-    keys = [(*root.spawn_key, k) for k in range(4)]
-    streams = [
-        np.random.default_rng(np.random.SeedSequence(root.entropy, spawn_key=key)) for key in keys
-    ]
-    for_perturbation, for_voluntary, for_noise, for_course = streams
-    course = draw_course(settings, for_course)
+    rate = settings.recording_rate
+    settling = round(settings.settling * rate)
     time = np.arange(-settling, round(settings.duration * rate)) / rate
+    root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+    for_perturbation, for_voluntary, for_noise, for_course = _open_streams(root)
+    course = draw_course(settings, for_course)
     joint = trajectories(course, time + 0.5 / rate)
-    command = draw_perturbation(settings, for_perturbation, time.size) if own is None else own
-    if own is None and settings.perturbation_locked:  # each cycle begins with the first samples
-        onset = course.onsets[np.searchsorted(course.onsets, time + 1e-9, side="right") - 1]
-        command = command[np.round((time - onset) * rate).astype(int)]
-    voluntary = noise = np.zeros(time.size)
-    response = run_loop(settings, joint, command, noise, voluntary)
-    deviation = settings.torque_level or float(np.std((response[1] + response[2])[settling:]))
-    if settings.voluntary > 0 or settings.locked_torque > 0:
-        voluntary = deviation * _draw_voluntary(settings, for_voluntary, course, time)
+    if own_command is None:
+        command = _draw_command(settings, for_perturbation, course, time)
+    else:
+        command = _repeat_command(own_command, settings)
+    silence = np.zeros(time.size)
+    response = run_loop(settings, joint, command, silence, silence)
+    clean_torque = (response[1] + response[2])[settling:]
+    level = settings.torque_level or float(np.std(clean_torque))
+    voluntary = level * _draw_voluntary(settings, for_voluntary, course, time)
+    noise = silence
     if settings.snr_db is not None:
-        noise = (
-            10 ** (-settings.snr_db / 20) * deviation * _draw_noise(settings, for_noise, time.size)
-        )
+        deviation = 10 ** (-settings.snr_db / 20) * level
+        noise = deviation * _draw_noise(settings, for_noise, time.size)
     if settings.movement > 0:
         command = command + course.movement(time)
     if voluntary.any() or noise.any() or settings.movement > 0:
         response = run_loop(settings, joint, command, noise, voluntary)
-    held, linear = (
-        (antialias(x, settings, "zoh") for x in (command, noise)),
-        antialias(voluntary, settings, "foh"),
-    )
-    reference, noise = (x[settling:] for x in held)
-    position, intrinsic, reflex, voluntary = (x[settling:] for x in (*response, linear))
+    position, intrinsic, reflex = response[:, settling:]
+    reference = antialias(command, settings, "zoh")[settling:]
+    recorded_noise = antialias(noise, settings, "zoh")[settling:]
+    recorded_voluntary = antialias(voluntary, settings, "foh")[settling:]
     return new_trial(
         position,
-        intrinsic + reflex + voluntary + noise,
+        intrinsic + reflex + recorded_voluntary + recorded_noise,
         rate,
         reference,
         torque_intrinsic=intrinsic,
         torque_reflex=reflex,
-        torque_voluntary=voluntary,
-        torque_noise=noise,
+        torque_voluntary=recorded_voluntary,
+        torque_noise=recorded_noise,
         **_describe_course(course, time[settling:]),
         # As text where the entropy is too long for an integer of a file.
         seed=seed if isinstance(seed, int) and seed < 2**63 else str(root),
@@ -160,9 +171,17 @@ def _simulate(
     )
 
 
+def _open_streams(root: np.random.SeedSequence) -> list[np.random.Generator]:
+    """Random numbers for perturbation, voluntary torque, noise and course."""
+    # Keys of the streams are set here: `SeedSequence.spawn` counts its calls, so the same seed would give other bits.
+    seeds = [np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, k)) for k in range(4)]
+    return [np.random.default_rng(seed) for seed in seeds]
+
+
 def _describe_course(course: Course, time: np.ndarray) -> dict[str, np.ndarray]:
     """Variables of a trial whose parameters vary, or that moves: phase or scheduling variable, and true K, B and G."""
-    settings, variables = course.settings, {}
+    settings = course.settings
+    variables = {}
     if settings.variation == "schedule":
         variables["schedule"] = course.schedule(time)
     elif (
@@ -205,38 +224,60 @@ def draw_perturbation(
 
     Shapes: returns (samples,).
     """
-    if (
-        settings.perturbation == "dwells"
-    ):  # ±½ in turn, each for a dwell time that is drawn by its weight
-        lengths = np.maximum(1, np.round(np.array(DWELLS) * settings.recording_rate).astype(int))
-        weights = np.array(settings.dwell_weights or np.ones(len(DWELLS)))
-        first = rng.choice([-0.5, 0.5])
-        dwells = rng.choice(lengths, size=-(-samples // lengths[0]), p=weights / weights.sum())
-        return (
-            settings.amplitude
-            * np.repeat(np.resize([first, -first], dwells.size), dwells)[:samples]
-        )
+    if settings.perturbation == "dwells":
+        return settings.amplitude * _draw_dwells(settings, rng, samples)
     interval = round(settings.switching_interval * settings.recording_rate)
     count = -(-samples // interval)
     if settings.perturbation == "prbs":
-        levels, length = rng.integers(0, 2, size=count) - 0.5, interval
+        levels = rng.integers(0, 2, size=count) - 0.5
+        length = interval
     else:
         levels = rng.choice([-0.5, 0.0, 0.0, 0.5], size=count)
         length = round(settings.pulse_length * settings.recording_rate)
-    return settings.amplitude * np.outer(levels, np.arange(interval) < length).ravel()[:samples]
+    pulses = np.outer(levels, np.arange(interval) < length)
+    return settings.amplitude * pulses.ravel()[:samples]
+
+
+def _draw_dwells(
+    settings: SimulationSettings, rng: np.random.Generator, samples: int
+) -> np.ndarray:
+    """±½ in turn, each for a dwell time that is drawn by its weight."""
+    times = np.array(DWELL_TIMES)
+    lengths = np.maximum(1, np.round(times * settings.recording_rate).astype(int))
+    weights = np.array(settings.dwell_weights or np.ones(times.size))
+    first = rng.choice([-0.5, 0.5])
+    count = -(-samples // lengths[0])
+    dwells = rng.choice(lengths, size=count, p=weights / weights.sum())
+    levels = np.resize([first, -first], count)
+    return np.repeat(levels, dwells)[:samples]
+
+
+def _draw_command(
+    settings: SimulationSettings, rng: np.random.Generator, course: Course, time: np.ndarray
+) -> np.ndarray:
+    """Draw the perturbation [rad] over some times; where it is locked, each cycle begins with its first samples."""
+    perturbation = draw_perturbation(settings, rng, time.size)
+    if not settings.perturbation_locked:
+        return perturbation
+    since_onset = time - course.onsets[course.cycle(time)]
+    samples = np.round(since_onset * settings.recording_rate).astype(int)
+    # A cycle that is longer than all of the run lies beyond the drawn samples while the loop settles only.
+    return perturbation.take(samples, mode="wrap")
 
 
 def _draw_voluntary(
     settings: SimulationSettings, rng: np.random.Generator, course: Course, time: np.ndarray
 ) -> np.ndarray:
     """Voluntary torque, at random and in step with the cycle, over the deviation of the clean net torque."""
-    torque = settings.locked_torque * course.locked_torque(time)
+    torque = np.zeros(time.size)
+    if settings.locked_torque > 0:
+        torque += settings.locked_torque * course.locked_torque(time)
     if settings.voluntary > 0:
         system, warmup, deviation = voluntary_filter(
             settings.recording_rate, settings.voluntary_cutoff
         )
         slow = system.run(rng.standard_normal(warmup + time.size))[warmup:]
-        torque = torque + settings.voluntary / deviation * slow
+        torque += settings.voluntary / deviation * slow
     return torque
 
 
@@ -244,12 +285,14 @@ def _draw_noise(settings: SimulationSettings, rng: np.random.Generator, samples:
     """White noise whose values are held, of unit standard deviation behind the anti-aliasing filter."""
     hold = round(settings.recording_rate / settings.noise_rate)
     levels = rng.standard_normal(-(-samples // hold))
-    return np.repeat(levels, hold)[:samples] / _recorded_noise_deviation(settings, hold)
+    noise = np.repeat(levels, hold)[:samples]
+    return noise / _recorded_noise_deviation(settings, hold)
 
 
 @lru_cache
 def _recorded_noise_deviation(settings: SimulationSettings, hold: int) -> float:
     """Standard deviation, behind the anti-aliasing filter, of unit white noise that is held for some samples."""
-    pulse = np.zeros(HELD_VALUES * hold)
+    pulse = np.zeros(HELD_NOISE_VALUES * hold)
     pulse[:hold] = 1.0
-    return float(np.sqrt(np.sum(antialias(pulse, settings, "zoh") ** 2) / hold))
+    response = antialias(pulse, settings, "zoh")
+    return float(np.sqrt(np.sum(response**2) / hold))

@@ -9,17 +9,11 @@ import numpy as np
 
 from ankleloop.simulation.settings import SimulationSettings
 
-GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # ratio of two periods that have no common multiple
-PARAMETERS = {
-    "stiffness": "stiffness",
-    "viscosity": "viscosity",
-    "gain": "reflex_gain",
-}  # names of settings
-LOCKED_HARMONICS = {
-    1: (1.0, 0.0),
-    2: (0.6, 1.0),
-    3: (0.3, 2.0),
-}  # amplitude and phase [rad] of the locked torque
+GOLDEN_RATIO = 0.5 * (np.sqrt(5.0) - 1.0)  # ratio of two periods that have no common multiple
+# Settings with the means of the parameters that can vary.
+MEANS = {"stiffness": "stiffness", "viscosity": "viscosity", "gain": "reflex_gain"}
+# Amplitude and phase [rad] of the locked torque.
+LOCKED_HARMONICS = {1: (1.0, 0.0), 2: (0.6, 1.0), 3: (0.3, 2.0)}
 
 
 class Trajectories(NamedTuple):
@@ -40,19 +34,22 @@ class Course:
     onsets: np.ndarray
     angles: np.ndarray  # shape (2,): phases of the two sinusoids of the scheduling variable [rad]
 
+    def cycle(self, time: np.ndarray) -> np.ndarray:
+        """Numbers of the cycles from 0, shape of `time`."""
+        next_onset = np.searchsorted(self.onsets, time + 1e-9, side="right")
+        return np.clip(next_onset - 1, 0, self.onsets.size - 2)
+
     def phase(self, time: np.ndarray) -> np.ndarray:
         """Phase of the cycle, from 0 to 1, shape of `time`."""
-        cycle = np.clip(
-            np.searchsorted(self.onsets, time + 1e-9, side="right") - 1, 0, self.onsets.size - 2
-        )
-        return np.clip((time - self.onsets[cycle]) / np.diff(self.onsets)[cycle], 0.0, 1.0)
+        cycle = self.cycle(time)
+        durations = np.diff(self.onsets)
+        return np.clip((time - self.onsets[cycle]) / durations[cycle], 0.0, 1.0)
 
     def schedule(self, time: np.ndarray) -> np.ndarray:
         """Scheduling variable, from 0 to 1, shape of `time`."""
-        periods = self.settings.schedule_period * np.array([1.0, GOLDEN])
-        return 0.5 + 0.25 * np.sum(
-            np.sin(2 * np.pi * time[:, None] / periods + self.angles), axis=1
-        )
+        periods = self.settings.schedule_period * np.array([1.0, GOLDEN_RATIO])
+        sinusoids = np.sin(2 * np.pi * time[:, None] / periods + self.angles)
+        return 0.5 + 0.25 * np.sum(sinusoids, axis=1)
 
     def place(self, time: np.ndarray) -> np.ndarray:
         """Place within 0 … 1 of what K, B and G vary with, shape of `time`."""
@@ -64,34 +61,36 @@ class Course:
 
     def movement(self, time: np.ndarray) -> np.ndarray:
         """Slow command [rad], shape of `time`."""
-        if self.settings.movement == 0:
-            return np.zeros(time.size)
+        amplitude = self.settings.movement
         if self.settings.variation == "schedule":
-            return self.settings.movement * (self.schedule(time) - 0.5)
-        return 0.5 * self.settings.movement * np.sin(2 * np.pi * self.phase(time))
+            return amplitude * (self.schedule(time) - 0.5)
+        return 0.5 * amplitude * np.sin(2 * np.pi * self.phase(time))
 
     def locked_torque(self, time: np.ndarray) -> np.ndarray:
         """Torque of unit standard deviation that repeats with the cycle, shape of `time`."""
         phase = 2 * np.pi * self.phase(time)
-        parts = [a * np.sin(k * phase + angle) for k, (a, angle) in LOCKED_HARMONICS.items()]
-        return np.sum(parts, axis=0) / np.sqrt(
-            0.5 * sum(a**2 for a, _ in LOCKED_HARMONICS.values())
-        )
+        harmonics = [
+            amplitude * np.sin(number * phase + angle)
+            for number, (amplitude, angle) in LOCKED_HARMONICS.items()
+        ]
+        power = 0.5 * sum(amplitude**2 for amplitude, _ in LOCKED_HARMONICS.values())
+        return np.sum(harmonics, axis=0) / np.sqrt(power)
 
 
 def draw_course(settings: SimulationSettings, rng: np.random.Generator) -> Course:
     """Draw durations of cycles and the scheduling variable of a trial."""
     angles = rng.uniform(0.0, 2.0 * np.pi, 2)
-    mean, jitter = settings.cycle_duration, settings.cycle_jitter
+    mean = settings.cycle_duration
+    jitter = settings.cycle_jitter
     before = int(np.ceil(settings.settling / mean - 1e-9))
-    count = int(np.ceil((before * mean + settings.duration) / (mean * (1.0 - jitter)) - 1e-9))
-    durations = (
-        mean * (1.0 + jitter * rng.uniform(-1.0, 1.0, count))
-        if jitter > 0
-        else np.full(count, mean)
-    )
+    shortest = mean * (1.0 - jitter)
+    count = int(np.ceil((before * mean + settings.duration) / shortest - 1e-9))
+    durations = np.full(count, mean)
+    if jitter > 0:
+        durations *= 1.0 + jitter * rng.uniform(-1.0, 1.0, count)
     onsets = -mean * before + np.concatenate([[0.0], np.cumsum(durations)])
-    return Course(settings, onsets[: np.searchsorted(onsets, settings.duration - 1e-9) + 1], angles)
+    last = np.searchsorted(onsets, settings.duration - 1e-9)
+    return Course(settings, onsets[: last + 1], angles)
 
 
 def trajectories(course: Course, time: np.ndarray) -> Trajectories:
@@ -99,18 +98,17 @@ def trajectories(course: Course, time: np.ndarray) -> Trajectories:
 
     Shapes: time (N,).
     """
-    settings, place = course.settings, course.place(time)
-    return Trajectories(*(_profile(settings, name, place) for name in PARAMETERS))
+    place = course.place(time)
+    return Trajectories(*(_profile(course.settings, name, place) for name in MEANS))
 
 
 def parameter_ranges(settings: SimulationSettings) -> np.ndarray:
     """Smallest and largest value of stiffness, viscosity and gain, shape (3, 2)."""
     ranges = []
-    for name in PARAMETERS:
+    for name in MEANS:
         mean, share, table = _variation(settings, name)
-        ranges.append(
-            [mean * (1 - share), mean * (1 + share)] if table is None else [min(table), max(table)]
-        )
+        values = [mean * (1 - share), mean * (1 + share)] if table is None else table
+        ranges.append([min(values), max(values)])
     return np.array(ranges)
 
 
@@ -118,7 +116,7 @@ def _variation(
     settings: SimulationSettings, name: str
 ) -> tuple[float, float, tuple[float, ...] | None]:
     """Mean of a parameter, its relative variation, and its table."""
-    mean = getattr(settings, PARAMETERS[name])
+    mean = getattr(settings, MEANS[name])
     return mean, getattr(settings, f"{name}_variation"), getattr(settings, f"{name}_table")
 
 
@@ -126,12 +124,13 @@ def _profile(settings: SimulationSettings, name: str, place: np.ndarray) -> np.n
     """Values of a parameter at places within 0 … 1."""
     mean, share, table = _variation(settings, name)
     if table is not None:
-        values = np.array([*table, table[0]]) if settings.variation == "cycle" else np.array(table)
-        return np.interp(place, np.linspace(0.0, 1.0, values.size), values)
+        is_cycle = settings.variation == "cycle"  # whose first value follows the last one
+        values = [*table, table[0]] if is_cycle else table
+        return np.interp(place, np.linspace(0.0, 1.0, len(values)), values)
     if share == 0:
         return np.full(place.size, mean)
-    wave = np.cos(2 * np.pi * (place - getattr(settings, f"{name}_peak")))
-    return mean * (
-        1.0
-        + share * (np.where(wave > 0, 1.0, -1.0) if settings.variation_shape == "square" else wave)
-    )
+    peak = getattr(settings, f"{name}_peak")
+    wave = np.cos(2 * np.pi * (place - peak))
+    if settings.variation_shape == "square":
+        wave = np.where(wave > 0, 1.0, -1.0)
+    return mean * (1.0 + share * wave)

@@ -100,6 +100,21 @@ def test_plan(run, recording, trial):
     assert f"Record {expected.seconds:.0f} s (" in result.out
     assert result.out.endswith("K decides.\n")
     assert f"\nK within ±5 %: {expected.needed['K']:.0f} s\n" in result.out
+    assert result.err.endswith("next: ankleloop check RECORDING\n")
+
+
+def test_plan_ends_with_the_check_of_the_recording(run, recording):
+    """With the options that apply to it, too, but not those for the part of the pilot's file."""
+    options = ["--position-unit", "deg", "--sampling-rate", "1000", "--start", "1", "--drift", "0"]
+    result = run("plan", recording, "--width", "K=200%", *options)
+    assert result.status == 0
+    assert result.out.endswith(
+        "Record 10 s (10 … 10 s): a check of the recording refuses a shorter one.\n"
+    )
+    command = "ankleloop check RECORDING --position-unit deg --sampling-rate 1000.0 --drift 0"
+    assert result.err.endswith(f"next: {command}\n")
+    result = run("plan", recording, "--width", "K=200%", "--no-reference")
+    assert result.err.endswith("next: ankleloop check RECORDING --no-reference\n")
 
 
 def test_plan_refuses_what_it_cannot_plan(run, recording, trial, tmp_path):

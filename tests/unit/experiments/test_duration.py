@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
 
-from ankleloop import DataError, identify, plan_duration, simulate
+from ankleloop import DataError, check_trial, identify, plan_duration, simulate
 
 JOINT = {"load": (0.1, 10.0, 100.0), "voluntary": 0.3, "duration": 24.0}
 
@@ -18,7 +19,7 @@ def pilot():
 @given(width=st.floats(0.02, 1.0), factor=st.floats(1.0, 3.0))
 def test_the_time_falls_with_the_square_of_the_width(pilot, width, factor):
     narrow, wide = (
-        plan_duration(pilot, {"K": size}).seconds - 0.66 for size in (width, factor * width)
+        plan_duration(pilot, {"K": size}).needed["K"] - 0.66 for size in (width, factor * width)
     )
     assert narrow == pytest.approx(factor**2 * wide, rel=1e-9)
 
@@ -26,8 +27,63 @@ def test_the_time_falls_with_the_square_of_the_width(pilot, width, factor):
 def test_the_parameter_that_takes_longest_decides(pilot):
     plan = plan_duration(pilot, {"K": 0.05, "B": 0.05, "G": 0.3})
     assert plan.parameter == "B"
-    assert plan.seconds == plan.needed["B"] == max(plan.needed.values())
+    assert plan.needed["B"] == max(plan.needed.values())
+    assert plan.seconds == np.ceil(plan.needed["B"])
     assert plan.interval[0] < plan.seconds < plan.interval[1]
+
+
+@given(width=st.floats(0.02, 10.0))
+def test_a_plan_is_a_length_that_can_be_recorded(pilot, width):
+    """In whole seconds, which every sampling rate divides, and no shorter than checks ask for."""
+    plan = plan_duration(pilot, {"K": width})
+    assert plan.seconds == max(10.0, np.ceil(plan.needed["K"]))
+    assert 10.0 <= plan.interval[0] <= plan.seconds <= plan.interval[1]
+
+
+@pytest.mark.parametrize("joint", ["pilot", "settings"])
+def test_a_plan_that_needs_less_than_a_check_asks_for(pilot, joint):
+    plan = plan_duration(pilot if joint == "pilot" else JOINT, {"K": 2.0})
+    assert plan.needed["K"] < 1.0
+    assert str(plan) == (
+        "K within ±200 %: 1 s\n"
+        "Record 10 s (10 … 10 s): a check of the recording refuses a shorter one."
+    )
+    verdicts = {}
+    for seconds in (plan.seconds, plan.seconds - 0.5):
+        findings = check_trial(simulate(seed=1, duration=seconds)).findings
+        verdicts[seconds] = next(item.verdict for item in findings if item.name == "length")
+    assert verdicts == {10.0: "warning", 9.5: "refused"}
+
+
+def test_the_interval_of_a_plan_is_normal_in_the_logarithm_of_the_time(pilot):
+    """Of a pilot its spread is that of the pilot; of settings, that of a record of the planned length."""
+    used = pilot.torque.sizes["time"] / 100.0
+    plan = plan_duration(pilot, {"K": 0.005})
+    from_settings = plan_duration(JOINT, {"K": 0.005})
+    for made, length in ((plan, used), (from_settings, from_settings.seconds - 0.66)):
+        centre = np.log(made.needed["K"] - 0.66)
+        expected = stats.norm.ppf([0.025, 0.975], loc=centre, scale=0.7 / np.sqrt(length))
+        found = np.log(np.array(made.interval) - 0.66)
+        np.testing.assert_allclose(found, expected, atol=2e-3)  # whole seconds of a thousand
+
+
+def test_plans_of_many_pilots_scatter_as_their_intervals_say():
+    """Under two loads, over K, B and G: the interval of a plan holds the time that pilots give on average."""
+    widths = {"K": 0.01, "B": 0.05, "G": 0.03}
+    spreads, covered = [], []
+    for load in ((0.1, 10.0, 100.0), (1.1, 7.1, 250.0)):
+        trials = [
+            simulate(seed=seed, load=load, voluntary=0.3, duration=15.0) for seed in range(25)
+        ]
+        pilots = [identify(trial, "riv", delay=0.04) for trial in trials]
+        for name, width in widths.items():
+            plans = [plan_duration(pilot, {name: width}) for pilot in pilots]
+            times = np.log([plan.needed[name] - 0.66 for plan in plans])
+            spreads.append(times.std(ddof=1))
+            centre = np.exp(times.mean()) + 0.66
+            covered += [plan.interval[0] <= centre <= plan.interval[1] for plan in plans]
+    assert np.sqrt(np.mean(np.square(spreads)) * (15.0 - 0.66)) == pytest.approx(0.7, rel=0.15)
+    assert 0.92 <= np.mean(covered) < 0.99
 
 
 def test_a_record_of_the_planned_length_has_intervals_of_the_width(pilot):
@@ -40,7 +96,7 @@ def test_a_record_of_the_planned_length_has_intervals_of_the_width(pilot):
     ]
     widths = []
     for seed, plan in enumerate(plans, 100):
-        trial = simulate(seed=seed, **{**JOINT, "duration": round(plan.seconds, 3)})
+        trial = simulate(seed=seed, **{**JOINT, "duration": plan.seconds})
         estimate = identify(trial, "riv", delay=0.04)
         widths.append(np.diff(estimate.intervals["K"])[0] / (2 * estimate.stiffness["K"]))
     assert np.median(widths) == pytest.approx(0.06, rel=0.15)

@@ -13,11 +13,12 @@ from ankleloop import (
     cramer_rao,
     design_perturbation,
     identify,
+    plan_duration,
     simulate,
 )
 from ankleloop.experiments import perturbation
 from ankleloop.experiments.experiment import Experiment, describe_joint
-from ankleloop.simulation.settings import DWELLS, SimulationSettings
+from ankleloop.simulation.settings import DWELL_TIMES, SimulationSettings
 from ankleloop.simulation.simulate import draw_perturbation
 
 LIGHT = {"load": (0.1, 10.0, 100.0), "voluntary": 0.3, "duration": 12.0}
@@ -76,6 +77,27 @@ def test_an_own_command_replaces_the_perturbation():
     np.testing.assert_allclose(once["position"], twice["position"][6000:], atol=1e-12)
 
 
+def test_an_own_command_has_its_own_duration():
+    command = 0.01 * np.sin(np.arange(6000) / 300)
+    trial = simulate(seed=5, command=command)
+    assert trial.attrs["duration"] == 6.0
+    assert trial.identical(simulate(seed=5, command=command, duration=6.0))
+    assert simulate(seed=5, command=command, recording_rate=2000.0).attrs["duration"] == 3.0
+    with pytest.raises(DataError, match=r"7000 finite numbers .*for a duration of 7 s.*leave out"):
+        simulate(seed=5, command=command, duration=7.0)
+    with pytest.raises(DataError, match="6000 finite numbers"):
+        simulate(seed=5, command=np.full(6000, np.nan))
+
+
+def test_a_command_of_another_rate_is_refused():
+    command = simulate(seed=5, duration=6.0, recording_rate=2000.0)["reference"]
+    with pytest.raises(
+        DataError, match=r"command has 2000 samples a second, .*recording_rate=2000"
+    ):
+        simulate(seed=5, command=command)
+    assert simulate(seed=5, command=command, recording_rate=2000.0).attrs["duration"] == 6.0
+
+
 @given(
     weights=st.lists(st.floats(0.0, 1.0), min_size=11, max_size=11).filter(
         lambda values: max(values) > 0.01
@@ -88,10 +110,10 @@ def test_dwell_times_follow_their_weights(weights):
     assert set(np.unique(command)) == {-0.02, 0.02}
     lengths, counts = np.unique(np.diff(np.flatnonzero(np.diff(command)))[:-1], return_counts=True)
     found = dict(zip((lengths / 1000).tolist(), counts / counts.sum(), strict=True))
-    assert set(found) <= set(DWELLS)
+    assert set(found) <= set(DWELL_TIMES)
     shares = np.array(weights) / sum(weights)
     margins = 5 * np.sqrt(shares * (1 - shares) / counts.sum()) + 1e-9
-    assert np.all(np.abs([found.get(dwell, 0.0) for dwell in DWELLS] - shares) <= margins)
+    assert np.all(np.abs([found.get(dwell, 0.0) for dwell in DWELL_TIMES] - shares) <= margins)
 
 
 @given(
@@ -132,6 +154,24 @@ def test_the_spectrum_of_a_pilot_is_that_of_the_simulation():
     np.testing.assert_allclose([found[name] / expected[name] for name in "KBG"], 1.0, atol=0.3)
 
 
+def test_a_planned_record_with_a_new_sequence():
+    joint = {"load": (0.1, 10.0, 100.0), "voluntary": 0.3}
+    design = design_perturbation(joint, progress=lambda generations: [])
+    plan = plan_duration(design, {"K": 0.04})
+    assert plan.seconds != design.seconds
+    command = design.draw(seed=1, seconds=plan.seconds)
+    trial = simulate(seed=1, duration=plan.seconds, command=command, **joint)
+    assert trial.identical(simulate(seed=1, command=command, **joint))
+    assert trial.attrs["duration"] == plan.seconds
+    steps = command.values / abs(command[0].item())
+    own = design.draw(seed=1)
+    assert own.sizes["time"] == 1000 * design.seconds
+    shared = min(steps.size, own.size)  # a longer sequence begins as a shorter one
+    np.testing.assert_allclose(steps[:shared], (own.values / abs(own[0].item()))[:shared])
+    with pytest.raises(ValueError, match="draw: seconds must be between 1 and 3600 s, got 0"):
+        design.draw(seed=1, seconds=0)
+
+
 def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
     monkeypatch.setattr(perturbation, "GENERATIONS", 4)
     joint = {"load": (0.1, 10.0, 100.0), "voluntary": 0.3}
@@ -166,6 +206,9 @@ def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
     written = scipy.io.loadmat(tmp_path / "command.mat", squeeze_me=True)
     np.testing.assert_allclose(written["command"], second)
     assert written["fs"] == 1000.0
+    design.save(tmp_path / "longer.csv", seed=2, seconds=30.0)
+    longer = pd.read_csv(tmp_path / "longer.csv")["command"]
+    np.testing.assert_allclose(longer, design.draw(2, seconds=30.0))
     with pytest.raises(DataError, match="exists already"):
         design.save(tmp_path / "command.csv", seed=3)
 

@@ -165,6 +165,18 @@ def test_movement_and_locked_torque_repeat_with_the_cycle(tmp_path):
     assert load_trial(tmp_path / "moving.nc").identical(moving)
 
 
+@pytest.mark.parametrize("settling", [0.0, 5.0])
+def test_a_locked_perturbation_whose_cycle_is_longer_than_the_record(settling):
+    """The cycle begins with the record, as it does where it ends within it."""
+    settings = {"perturbation_locked": True, "cycle_duration": 12.0, "settling": settling}
+    long = simulate(seed=1, duration=24.0, variation="cycle", **settings)
+    settings["cycle_duration"] = 100.0
+    short = simulate(seed=1, duration=10.0, variation="cycle", **settings)
+    inside = slice(100, 10_000)  # what precedes the record is still in the recorder's filter before
+    np.testing.assert_allclose(short["reference"][inside], long["reference"][inside], atol=1e-12)
+    assert float(short["phase"].max()) == pytest.approx(0.1, rel=1e-3)
+
+
 def test_the_scheduling_variable_moves_the_joint():
     trial = simulate(
         seed=2,
