@@ -18,10 +18,10 @@ from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
 from ankleloop.methods.riv_tv.riv_tv import PLACES
 from ankleloop.options import check_flag, check_number
-from ankleloop.quantities import QUANTITIES, STIFFNESS
+from ankleloop.quantities import QUANTITIES, SETTINGS, STIFFNESS
 from ankleloop.signals.spectra import pass_band
 from ankleloop.simulation.filters import ANTIALIAS_ORDER, bessel_denominator
-from ankleloop.simulation.settings import PARAMETER_SETTINGS, SimulationSettings
+from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
 RECTIFIER_SLOPE = 0.5  # on average, for a velocity of zero mean
@@ -211,7 +211,7 @@ def _spectral_slopes(s: np.ndarray, settings: SimulationSettings, known_delay: b
     velocity = s * np.exp(-s * settings.delay)
     motion = np.array([np.ones_like(s), s, s**2, RECTIFIER_SLOPE * velocity])
     names, derivatives = _derivatives(motion, s, settings, known_delay)
-    values = [getattr(settings, PARAMETER_SETTINGS[name]) for name in names[:4]]
+    values = [getattr(settings, SETTINGS[name]) for name in names[:4]]
     stiffness = values @ derivatives[:4]
     return -2.0 * np.real(derivatives / (impedance + stiffness))
 

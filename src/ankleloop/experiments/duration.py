@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ankleloop.checks.record import SHORTEST
+from ankleloop.checks.record import SHORTEST_RECORD
 from ankleloop.errors import DataError
 from ankleloop.experiments.experiment import (
     JOINT_SETTINGS,
@@ -59,7 +59,7 @@ class DurationPlan:
             symbol = QUANTITIES[name].symbol
             lines.append(f"{symbol} within ±{100 * self.widths[name]:g} %: {seconds:.0f} s")
         reason = f"{QUANTITIES[self.parameter].symbol} decides"
-        if self.needed[self.parameter] < SHORTEST:
+        if self.needed[self.parameter] < SHORTEST_RECORD:
             reason = "a check of the recording refuses a shorter one"
         low, high = self.interval
         lines.append(f"Record {self.seconds:.0f} s ({low:.0f} … {high:.0f} s): {reason}.")
@@ -144,7 +144,7 @@ def plan_duration(
 
 def _record_length(needed: float) -> float:
     """Length of a record in whole seconds, for a time that is needed [s]."""
-    return max(SHORTEST, float(np.ceil(needed)))
+    return max(SHORTEST_RECORD, float(np.ceil(needed)))
 
 
 def _expect(
