@@ -16,8 +16,8 @@ from tools import ROOT
 from ankleloop import identify, simulate
 from ankleloop.assessment.scores import parameter_row
 from ankleloop.joint.prepared import prepare
-from ankleloop.paper.captions import format_point
 from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.tables.captions import format_point
 
 TRUTHS = {
     "K": "stiffness",

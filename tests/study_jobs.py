@@ -2,9 +2,9 @@
 
 from types import SimpleNamespace
 
-from ankleloop.paper.trial_tables import join_tables
-from ankleloop.studies.identification import identify_trials, read_trials
-from ankleloop.studies.simulation import simulate_trials
+from ankleloop.jobs.identification import identify_trials, read_trials
+from ankleloop.jobs.simulation import simulate_trials
+from ankleloop.tables.trial_tables import join_tables
 from ankleloop.trials.trial_files import save_trials
 
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import yaml
 
-from ankleloop.studies.checking import ConfigError, check_config_file
-from ankleloop.studies.recording_settings import Recording, read_recordings
-from ankleloop.studies.run_config import read_run
-from ankleloop.studies.study import Study
+from ankleloop.config.checking import ConfigError, check_config_file
+from ankleloop.config.recording_settings import Recording, read_recordings
+from ankleloop.config.run import read_run
+from ankleloop.config.study import Study
 from bad_inputs.bad_input import rows_of
 from bad_inputs.inputs import missing, text_file
 

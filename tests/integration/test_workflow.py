@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from ankleloop.paper.means import COUNTS
-from ankleloop.paper.trial_tables import read_results
+from ankleloop.tables.means import COUNTS
+from ankleloop.tables.trial_tables import read_results
 
 pytestmark = pytest.mark.workflow
 

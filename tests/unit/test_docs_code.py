@@ -16,8 +16,8 @@ import pytest
 import yaml
 
 import ankleloop
-from ankleloop.studies.config import SimulationStudy
-from ankleloop.studies.run_config import read_run
+from ankleloop.config.run import read_run
+from ankleloop.config.settings import SimulationStudy
 
 ROOT = Path(__file__).parents[2]
 FENCE = re.compile(
@@ -141,9 +141,11 @@ def write_sweep(path):
     """A table of trials over two settings, as the workflow writes it."""
     path.parent.mkdir(parents=True)
     rows = itertools.product((8.0, 13.0), (0.1, 0.5), ("riv", "pr-moesp"), range(3))
-    table = pd.DataFrame(rows, columns=["reflex_gain", "voluntary", "method", "trial"])
-    table["point"] = [f"g={row.reflex_gain},v={row.voluntary}" for row in table.itertuples()]
-    table["vaf_reflex_true"] = 99.0 - table["voluntary"] - table["trial"] / 10
+    columns = ["point.reflex_gain", "point.voluntary", "method", "trial"]
+    table = pd.DataFrame(rows, columns=columns)
+    gains, levels = table["point.reflex_gain"], table["point.voluntary"]
+    table["point"] = "g=" + gains.astype(str) + ",v=" + levels.astype(str)
+    table["vaf_reflex_true"] = 99.0 - levels - table["trial"] / 10
     table = table.assign(study="s", failure=None, warnings="")
     table.astype(dict.fromkeys(("study", "point", "method"), "category")).to_parquet(path)
 

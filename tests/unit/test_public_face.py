@@ -6,8 +6,8 @@ import pkgutil
 import pytest
 
 import ankleloop
+from ankleloop.jobs.fingerprint import fingerprint
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.studies.resources import fingerprint
 
 
 def test_every_public_name_exists():

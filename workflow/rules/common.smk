@@ -4,17 +4,17 @@ import sys
 from base64 import urlsafe_b64encode
 
 from ankleloop.errors import DataError
-from ankleloop.paper.trial_tables import read_hash
-from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.config import NOTEBOOKS
-from ankleloop.studies.resources import fingerprint
-from ankleloop.studies.run_config import (
+from ankleloop.tables.trial_tables import read_hash
+from ankleloop.config.checking import ConfigError
+from ankleloop.config.settings import NOTEBOOKS
+from ankleloop.jobs.fingerprint import fingerprint
+from ankleloop.config.run import (
     article_parameters,
     describe_article,
     read_run,
     report_parameters,
 )
-from ankleloop.studies.study import RecordedStudy, SimulatedStudy
+from ankleloop.config.study import RecordedStudy, SimulatedStudy
 from snakemake.logging import logger
 
 MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too

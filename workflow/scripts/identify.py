@@ -3,10 +3,10 @@
 import sys
 
 from ankleloop.errors import locate_errors
-from ankleloop.paper.results import describe_failures
-from ankleloop.studies.identification import identify_trials, read_trials
-from ankleloop.studies.job import running
-from ankleloop.studies.simulation import simulate_trials
+from ankleloop.jobs.identification import identify_trials, read_trials
+from ankleloop.jobs.job import running
+from ankleloop.jobs.simulation import simulate_trials
+from ankleloop.tables.outcomes import describe_failures
 
 with running(snakemake):
     study = snakemake.wildcards.study

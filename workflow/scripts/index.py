@@ -5,16 +5,16 @@ from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.pages.index import render_index, render_ledger, render_tables
-from ankleloop.paper.ledger import read_conclusions
-from ankleloop.studies.job import running
-from ankleloop.studies.results import (
+from ankleloop.jobs.job import running
+from ankleloop.jobs.results import (
     collect_results,
     read_provenance,
     read_run_times,
     read_tables,
     write_crate,
 )
+from ankleloop.pages.index import render_index, render_ledger, render_tables
+from ankleloop.paper.ledger import read_conclusions
 from ankleloop.trials.files import atomic_file
 
 

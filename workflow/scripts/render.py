@@ -11,11 +11,11 @@ import nbformat
 import papermill
 from nbconvert import HTMLExporter
 
+from ankleloop.jobs.job import log, running
 from ankleloop.pages.rendering import find_captions, render_page
-from ankleloop.paper.means import KEYS
-from ankleloop.paper.results import describe_failures
-from ankleloop.paper.trial_tables import read_trial_table
-from ankleloop.studies.job import log, running
+from ankleloop.tables.means import KEYS
+from ankleloop.tables.outcomes import describe_failures
+from ankleloop.tables.trial_tables import read_trial_table
 from ankleloop.trials.files import atomic_file
 
 

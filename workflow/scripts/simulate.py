@@ -2,8 +2,8 @@
 
 import sys
 
-from ankleloop.studies.job import running
-from ankleloop.studies.simulation import simulate_trials
+from ankleloop.jobs.job import running
+from ankleloop.jobs.simulation import simulate_trials
 from ankleloop.trials.trial_files import save_trials
 
 with running(snakemake):

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pandas as pd
 
+from ankleloop.jobs.job import running
 from ankleloop.paper.checks import StudyResults
 from ankleloop.paper.economy import measure_economy
 from ankleloop.paper.ledger import verify
-from ankleloop.paper.trial_tables import read_trial_table
-from ankleloop.studies.job import running
+from ankleloop.tables.trial_tables import read_trial_table
 from ankleloop.trials.files import write_csv
 from ankleloop.trials.trial_files import load_trials
 

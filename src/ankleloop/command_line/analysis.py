@@ -14,6 +14,11 @@ import pandas as pd
 from pydantic.fields import FieldInfo
 
 from ankleloop.command_line.terminal import COLOURS, echo, refuse_existing
+from ankleloop.config.checking import ConfigError, check
+from ankleloop.config.recording_settings import Recording
+from ankleloop.config.settings import RecordingsStudy
+from ankleloop.config.study import RecordedStudy
+from ankleloop.jobs.recordings import analyse_recordings
 from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.plotting.recordings import recordings_figure
 from ankleloop.plotting.style import save_figure
@@ -21,11 +26,6 @@ from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.files import SUFFIXES
 from ankleloop.recordings.recommendation import format_with_interval
 from ankleloop.recordings.validity import usual_methods
-from ankleloop.studies.checking import ConfigError, check
-from ankleloop.studies.config import RecordingsStudy
-from ankleloop.studies.recording_settings import Recording
-from ankleloop.studies.recordings import analyse_recordings
-from ankleloop.studies.study import RecordedStudy
 from ankleloop.trials.files import write_csv
 
 COLUMNS = ("vaf_unseen", "K", "B", "I", "G")  # of the tables on the terminal

@@ -15,8 +15,8 @@ from ankleloop.command_line.terminal import COLOURS, echo, show_correction, show
 if TYPE_CHECKING:
     import xarray as xr
 
+    from ankleloop.config.recording_settings import Recording
     from ankleloop.recordings.checks import Check
-    from ankleloop.studies.recording_settings import Recording
 
 EPILOG = """\b
 Examples:

@@ -10,8 +10,8 @@ import click
 
 from ankleloop.command_line.reading import FILE, FOLDER, map_file, name_recordings, reading_options
 from ankleloop.command_line.terminal import show_correction, show_next, show_progress
+from ankleloop.config.recording_settings import Recording
 from ankleloop.errors import DataError
-from ankleloop.studies.recording_settings import Recording
 
 EPILOG = """\b
 Examples:

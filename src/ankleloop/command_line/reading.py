@@ -11,8 +11,8 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 import click
 
 from ankleloop.command_line.terminal import echo
+from ankleloop.config.recording_settings import Recording
 from ankleloop.errors import DataError
-from ankleloop.studies.recording_settings import Recording
 from ankleloop.trials.channels import CHANNELS
 from ankleloop.trials.contents import Variable
 from ankleloop.trials.reading_options import NO_REFERENCE

@@ -60,8 +60,8 @@ def study(
     """
     import yaml
 
-    from ankleloop.studies.checking import ConfigError
-    from ankleloop.studies.run_config import read_run
+    from ankleloop.config.checking import ConfigError
+    from ankleloop.config.run import read_run
     from ankleloop.trials.files import atomic_file
 
     if bool(files) == bool(varied):

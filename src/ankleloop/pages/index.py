@@ -42,7 +42,7 @@ def render_index(
 ) -> str:
     """Page that lists all results; it opens with what was found, where there is a ledger.
 
-    The results are those of `ankleloop.studies.results.collect_results`.
+    The results are those of `ankleloop.jobs.results.collect_results`.
     """
     opening = {}
     if ledger is not None:

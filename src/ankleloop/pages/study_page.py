@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.pages.rendering import render_table
-from ankleloop.paper.captions import describe_settings, typical_point
-from ankleloop.paper.results import describe_faults
-from ankleloop.paper.tables import write_table
-from ankleloop.paper.trial_tables import read_results
 from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
+from ankleloop.tables.captions import describe_settings, typical_point
+from ankleloop.tables.comparisons import write_table
+from ankleloop.tables.outcomes import describe_faults
+from ankleloop.tables.trial_tables import read_results
 
 MEANS = (
     "± is half of a 95 % interval. Means leave out failed trials and include those with a warning; those of G, ωn and "
@@ -29,7 +29,7 @@ Estimates = Mapping[str, Mapping[int, Estimate]]  # by method and trial
 
 
 class StudyPage(SimpleNamespace):
-    """A study as its notebook takes it: what `ankleloop.studies.run_config.report_parameters` gives are attributes."""
+    """A study as its notebook takes it: what `ankleloop.config.run.report_parameters` gives are attributes."""
 
     @cached_property
     def details(self) -> pd.DataFrame:

@@ -17,11 +17,11 @@ import yaml
 from scipy import stats
 
 from ankleloop.paper import judgement
-from ankleloop.paper.captions import label_setting
 from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity, judge
-from ankleloop.paper.tables import format_number
 from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.tables.captions import label_setting
+from ankleloop.tables.comparisons import format_number
 
 # What Table 1 scores each torque against.
 VAF_COLUMNS = {
@@ -48,7 +48,9 @@ class StudyResults:
 
     name: str
     points: Mapping[str, Mapping[str, Any]]  # simulation settings of each point
-    table: pd.DataFrame  # its trials, as `ankleloop.paper.trial_tables.read_trial_table` reads them
+    table: (
+        pd.DataFrame
+    )  # its trials, as `ankleloop.tables.trial_tables.read_trial_table` reads them
     labels: Mapping[str, str] = field(default_factory=dict)  # readable name of each method
 
     def point(self, settings: Mapping[str, Any]) -> str:

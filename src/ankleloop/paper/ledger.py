@@ -11,7 +11,7 @@ import yaml
 
 from ankleloop.paper import judgement
 from ankleloop.paper.checks import CHECKS, Case, MissingEvidence, Row, StudyResults
-from ankleloop.paper.tables import format_number, format_pairs
+from ankleloop.tables.comparisons import format_number, format_pairs
 
 VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",

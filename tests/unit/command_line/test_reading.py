@@ -6,8 +6,8 @@ import pytest
 
 from ankleloop import read_trial
 from ankleloop.command_line.reading import map_file
+from ankleloop.config.recording_settings import read_recordings
 from ankleloop.recordings.files import load_recording
-from ankleloop.studies.recording_settings import read_recordings
 from ankleloop.trials.reading_options import NO_REFERENCE, ReadingOptions
 from ankleloop.trials.reading_process import find_channels
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording

@@ -21,11 +21,11 @@ from ankleloop.command_line.analysis import make_study
 from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.reading import map_file
 from ankleloop.command_line.terminal import show_progress
+from ankleloop.config.checking import check_config_file
+from ankleloop.config.run import read_run
+from ankleloop.config.study import read_studies
 from ankleloop.methods.registry import METHODS
 from ankleloop.recordings.validity import usual_methods
-from ankleloop.studies.checking import check_config_file
-from ankleloop.studies.run_config import read_run
-from ankleloop.studies.study import read_studies
 from ankleloop.trials.files import write_csv
 from ankleloop.trials.recording_files import write_recording
 
@@ -452,7 +452,7 @@ def test_a_full_disk_leaves_the_results_of_an_earlier_run(run, recording, tmp_pa
 def test_a_program_that_is_ended_leaves_no_temporary_folder(recording, tmp_path):
     program = """
 import sys, time
-import ankleloop.studies.recordings as job
+import ankleloop.jobs.recordings as job
 from ankleloop.command_line.main import main
 def wait(*_):
     print("ready", file=sys.stderr, flush=True)

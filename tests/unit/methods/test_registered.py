@@ -120,9 +120,9 @@ def test_a_study_and_the_command_take_a_registered_method(run):
         from pathlib import Path
         import jsonschema
         from ankleloop.command_line.analysis import make_study
-        from ankleloop.studies.config import schema_text
-        from ankleloop.studies.recording_settings import Recording
-        from ankleloop.studies.study import read_studies
+        from ankleloop.config.settings import schema_text
+        from ankleloop.config.recording_settings import Recording
+        from ankleloop.config.study import read_studies
         def read(name, **options):
             method = {{"method": name, "options": options}}
             config = {{"studies": {{"s": {STUDY!r} | {{"methods": {{"a": method}}}}}}}}
@@ -154,7 +154,7 @@ def test_a_study_and_the_command_take_a_registered_method(run):
 def test_jobs_that_identify_know_the_version_of_the_package(run):
     code = """
         import json, sys
-        from ankleloop.studies.resources import fingerprint
+        from ankleloop.jobs.fingerprint import fingerprint
         scripts = ("identify", "recordings", "simulate")
         print(json.dumps({name: fingerprint(f"workflow/scripts/{name}.py") for name in scripts}))
     """

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import yaml
 
+from ankleloop.config.study import read_studies
 from ankleloop.plotting.style import (
     METHOD_STYLES,
     label_styles,
 )
-from ankleloop.studies.study import read_studies
 
 ROOT = Path(__file__).parents[3]
 # Machado, Oliveira and Fernandes (2009), severity 1, for linear RGB.

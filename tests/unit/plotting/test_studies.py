@@ -4,9 +4,9 @@ import pytest
 from matplotlib.markers import CARETRIGHTBASE
 from scipy import stats
 
-from ankleloop.paper.means import curve_means
 from ankleloop.plotting.panels import Panel, estimates_figure
 from ankleloop.plotting.studies import curves_figure
+from ankleloop.tables.means import curve_means
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import pytest
 import yaml
 
 from ankleloop import DataError, evaluate, identify, segment, simulate
+from ankleloop.config.study import read_studies
 from ankleloop.methods import registry
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.files import load_recording
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.studies.study import read_studies
 
 ROOT = Path(__file__).parents[3]
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from ankleloop import save_trial, simulate
+from ankleloop.config.checking import ConfigError
+from ankleloop.config.recording_settings import Recording, read_recordings
 from ankleloop.pages.recordings import draw_figures, render_recording_page
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.files import add_course, check_course, load_recording
 from ankleloop.recordings.recommendation import describe_variations, recommend
-from ankleloop.studies.checking import ConfigError
-from ankleloop.studies.recording_settings import Recording, read_recordings
 
 CHANGE = {
     "stiffness_variation": 0.4,

@@ -1,0 +1,289 @@
+"""Checks of the configuration: of its files and tables, and of values; an error names the key, or the line.
+
+What readers of YAML and CSV change or leave out without a word is refused. Snakemake itself reads files of
+``--configfile`` first; ``python -m ankleloop.config.checking FILE`` checks them.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from string import Template
+from typing import Annotated, Any, get_args, get_origin
+
+import yaml
+from pydantic import ValidationError
+
+from ankleloop.options import Options, describe_error, suggest_name
+
+PathLike = str | os.PathLike[str]
+
+KINDS = {int: "count", bool: "flag", float: "number"}
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+TEMPLATE_KEY = (
+    "__use_yte__"  # makes a YAML file a program of the template engine that Snakemake reads it by
+)
+OTHER_NUMBER = re.compile(
+    r"[-+]?0[0-9bx].*|.*[_:].*"
+)  # 012 (octal, 10), 0x1F (31), 1_2 (12), 1:30 (90)
+
+
+class ConfigError(ValueError):
+    """A configuration with an unknown key or an impossible value.
+
+    Parameters
+    ----------
+    message : str
+        Sentence that names the key.
+    keys : sequence of str
+        Keys that lead to it, from the top level of the configuration; none where it is no part of that.
+    """
+
+    def __init__(self, message: str, keys: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.keys = tuple(keys)
+
+
+def key_error(place: Sequence[str], message: str) -> ConfigError:
+    """Error of a key of the configuration."""
+    return ConfigError(f"{' → '.join(('config', *place))}: {message}", place)
+
+
+def check(model: type[Options], values: Any, *place: str) -> Any:
+    """Check values and fill in the defaults."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        # A misspelt key comes before a missing one.
+        fault = min(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
+    keys, owner = _locate(model, fault["loc"])
+    kind, name, context = fault["type"], "".join(keys[-1:]), fault.get("ctx", {})
+    if kind.startswith("union_tag"):
+        keys.append(context["discriminator"].strip("'"))
+    if kind == "extra_forbidden":
+        known = [field.alias or key for key, field in owner.model_fields.items()]
+        sentence = (
+            f"unknown key {name!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
+        )
+    elif kind in ("missing", "union_tag_not_found"):
+        sentence = f"the key {keys.pop()!r} is missing"
+    elif kind == "union_tag_invalid":
+        sentence = f"must be one of {context['expected_tags']}; got {context['tag']!r}"
+    elif kind == "string_pattern_mismatch":
+        signs = "_ - ." if "." in context["pattern"] else "_ -"
+        sentence = (
+            f"must consist of letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
+        )
+    else:
+        sentence = describe_error(fault, owner.unit(name), owner.limits(name)) + _find_remedy(
+            kind, fault["input"]
+        )
+    text = " → ".join((*place, *(keys[:-1] if kind == "extra_forbidden" else keys)))
+    raise ConfigError(f"{text}: {sentence.rstrip('.')}.", (*place[1:], *keys))
+
+
+def _find_remedy(kind: str, value: Any) -> str:
+    """What to do about quotes, where YAML reads text as a number or a number as text."""
+    if kind == "string_type" and value is not None and not isinstance(value, (list, Mapping)):
+        return ": put it in quotes"
+    if (
+        kind in ("int_type", "float_type")
+        and isinstance(value, str)
+        and not isinstance(cast_number(value), str)
+    ):
+        return ", which is text: write it without quotes, and powers of ten as 1.0e+3; --config takes no numbers"
+    return ""
+
+
+def _locate(model: type[Options], location: Iterable[int | str]) -> tuple[list[str], type[Options]]:
+    """Keys that lead to a fault, as the configuration has them, and the model to which the last key belongs."""
+    annotation: Any = model
+    keys: list[str] = []
+    owner = model
+    for part in location:
+        annotation = get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+        member = next((member for member in get_args(annotation) if part in _tags(member)), None)
+        if member or part == "[key]":  # which pydantic adds to the keys
+            annotation = member or annotation
+            continue
+        keys.append(str(part))
+        owner = annotation if hasattr(annotation, "model_fields") else Options
+        field = owner.model_fields.get(str(part))
+        annotation = field.annotation if field else (get_args(annotation) or (None,))[-1]
+    return keys, owner
+
+
+def _tags(member: Any) -> list[Any]:
+    """Values of the key that tells members of a union apart: the kind of a study, the name of a method."""
+    fields = getattr(member, "model_fields", {})
+    return [
+        tag
+        for key in ("kind", "method")
+        if key in fields
+        for tag in get_args(fields[key].annotation)
+    ]
+
+
+def check_cases(key: str, names: Iterable[str]) -> None:
+    """Refuse names that are one to a file system that does not tell capitals from small letters."""
+    first: dict[str, str] = {}
+    for name in names:
+        other = first.setdefault(name.lower(), name)
+        if other != name:
+            raise ConfigError(
+                f"{key}: {other!r} and {name!r} differ in capitals only, which some file systems ignore."
+            )
+
+
+def find_kind(annotation: Any) -> str:
+    """Kind of the values of a field: count, flag, number or text."""
+    types = {
+        kind if isinstance(kind, type) else type(kind)
+        for kind in get_args(annotation) or (annotation,)
+    }
+    return next((word for kind, word in KINDS.items() if kind in types), "text")
+
+
+def cast_number(text: str) -> Any:
+    """The number that a text is; any other text as it is."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
+
+
+def expand_path(text: str, place: str) -> Path:
+    """A path of the configuration, with environment variables and ~ replaced."""
+    template = Template(text)
+    for name in template.get_identifiers():
+        if not os.environ.get(name):
+            example = f"export {name}=/folder/of/your/recordings (a dollar sign in the name of a folder is $$)"
+            remedy = f"Set it to the folder, for example: {example}."
+            raise ConfigError(
+                f"{place} is {text}, but the environment variable {name} is not set. {remedy}"
+            )
+    return Path(os.path.expanduser(template.safe_substitute(os.environ)))
+
+
+def check_config_file(path: PathLike) -> None:
+    r"""Refuse a file in which YAML would lose or change something: a key that stands twice, the subject 012."""
+    _parse(path, yaml.load)  # which refuses tags
+    nodes, checked = [_parse(path, yaml.compose)], set()
+    if not isinstance(nodes[0], yaml.MappingNode):
+        raise ConfigError(f"{path}: must have keys at the top level, such as 'studies:'.")
+    while nodes:
+        node = nodes.pop()
+        if node in checked:  # which an alias repeats
+            continue
+        checked.add(node)
+        kind = node.tag.rpartition(":")[2]
+        if isinstance(node, yaml.MappingNode):
+            _check_keys(path, [key for key, _ in node.value])
+            nodes += [value for _, value in node.value]
+        elif isinstance(node, yaml.SequenceNode):
+            nodes += node.value
+        elif kind in ("int", "float") and OTHER_NUMBER.fullmatch(node.value):
+            number, place = yaml.safe_load(node.value), f"{path}, line {node.start_mark.line + 1}"
+            remedy = f"write {number}, or put '{node.value}' in quotes if it is text"
+            raise ConfigError(f"{place}: YAML reads {node.value} as {number}: {remedy}.")
+
+
+def _check_keys(path: PathLike, keys: Sequence[yaml.Node]) -> None:
+    """Refuse keys that stand twice, keys that are no text, and the one with which a file is a program."""
+    lines: dict[str, int] = {}
+    for key in keys:
+        line, kind = key.start_mark.line + 1, key.tag.rpartition(":")[2]
+        if kind not in ("str", "merge"):
+            raise ConfigError(
+                f"{path}, line {line}: YAML reads the key {key.value} as {kind}: put it in quotes."
+            )
+        if key.value == TEMPLATE_KEY:
+            fault = (
+                f"with the key {key.value} Snakemake runs Python code of this file when it reads it"
+            )
+            remedy = "leave it out. If the file is from somebody else, look what it ran"
+            raise ConfigError(
+                f"{path}, line {line}: {fault}, before anything can check it: {remedy}."
+            )
+        if key.value in lines:
+            raise ConfigError(
+                f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too."
+            )
+        lines[key.value] = line
+
+
+def read_text(path: PathLike) -> str:
+    """Text of a file in UTF-8, with or without byte order mark."""
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ConfigError(
+            f"{path}: this is not UTF-8 ({error.reason}); save the file as UTF-8."
+        ) from None
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: the file cannot be read ({error.strerror}); check the path."
+        ) from None
+
+
+def _parse(path: PathLike, parse: Callable[..., Any]) -> Any:
+    """Values or nodes of a YAML file."""
+    try:
+        return parse(read_text(path), Loader=LOADER)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: this is not YAML: {' '.join(str(error).split())}.") from None
+
+
+def find_key(keys: Sequence[str], paths: Sequence[PathLike]) -> str:
+    """File and line of a key of the configuration, for error messages."""
+    best, place = 0, ""
+    for path in paths:
+        node = _parse(path, yaml.compose)
+        for depth, key in enumerate(keys, start=1):
+            pairs: dict[str, tuple[yaml.Node, yaml.Node]] = {}
+            if isinstance(node, yaml.MappingNode):
+                yaml.SafeLoader("").flatten_mapping(
+                    node
+                )  # what it takes over by << stands before its own keys
+                pairs = {name.value: (name, value) for name, value in node.value}
+            if key not in pairs:
+                break
+            name, node = pairs[key]
+            if depth >= best:
+                best, place = depth, f"{path}, line {name.start_mark.line + 1}"
+    return place
+
+
+def read_rows(path: PathLike) -> Iterator[tuple[str, dict[str, str]]]:
+    """Place and cells of each row of a CSV table, as text without spaces around it; empty rows are left out."""
+    reader = csv.DictReader(io.StringIO(read_text(path)), restkey="", strict=True)
+    try:
+        reader.fieldnames = keys = [key.strip() for key in reader.fieldnames or ()]
+        named = list(filter(None, keys))
+        if len(set(named)) < len(named) or any(sign in key for key in keys for sign in ";\t"):
+            form = "columns have names of their own, with commas between them (no semicolons, no tabulators)"
+            raise ConfigError(f"{path}, line 1: {form}; got {', '.join(keys)}.")
+        for row in reader:
+            place, spare = f"{path}, line {reader.line_num}", any(row.pop("", ""))
+            if spare or (None in row.values() and any(row.values())):
+                fault = f"the row does not fit the {len(keys)} columns"
+                remedy = "put texts with commas in quotes, and write the commas of empty cells, too"
+                raise ConfigError(f"{place}: {fault}: {remedy}. Is the table cut off?")
+            if any(row.values()):
+                yield place, {key: text.strip() for key, text in row.items()}
+    except csv.Error as error:
+        raise ConfigError(f"{path}, line {reader.line_num}: this is not CSV: {error}.") from None
+
+
+if __name__ == "__main__":
+    for argument in sys.argv[1:]:
+        try:
+            check_config_file(argument)
+        except ConfigError as error:
+            sys.exit(str(error))

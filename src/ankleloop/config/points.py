@@ -1,0 +1,357 @@
+"""Points of a study: combinations of settings of the simulation and options of methods, from grids, designs, tables.
+
+A point whose settings another one has as well shares its trials: the settings alone are its condition.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
+from typing import Any, Literal, NamedTuple, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from ankleloop.config.checking import (
+    ConfigError,
+    cast_number,
+    check,
+    expand_path,
+    find_kind,
+    key_error,
+    read_rows,
+)
+from ankleloop.options import Options, option, show_value, suggest_name
+from ankleloop.simulation.settings import SimulationSettings
+
+SETTINGS = tuple(SimulationSettings.model_fields)
+SIMULATION = ""  # owner of the settings, beside the methods, which own their options
+MAX_POINTS = 100_000  # of a grid
+DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a design have half of them
+WORDS = {"null": None, "true": True, "false": False}  # in tables
+
+Place = tuple[str, ...]
+Methods = Mapping[str, Any]  # `config.settings.MethodSettings` by the names of methods in the study
+Points = tuple[
+    list["Point"], dict[str, dict[str, Any]], dict[str, "Parameter"]
+]  # and all settings of each condition
+Combination = tuple[str, Mapping[str, Any]]  # where it stands, if in a table, and values by column
+
+
+class _Limits(Options):
+    """Two limits of values."""
+
+    start: float = option(description="first value, or lower limit")
+    stop: float = option(description="last value, or upper limit")
+    scale: Literal["linear", "logarithmic"] = option(
+        "linear", "equal differences, or equal ratios, of neighbours"
+    )
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> Self:
+        start, stop = self.start, self.stop
+        if stop < start:
+            raise ValueError(
+                f"stop must be at least start ({start:g}), got {stop:g}: values are in ascending order"
+            )
+        if self.scale == "logarithmic" and start <= 0:
+            raise ValueError(
+                f"a logarithmic scale begins above 0, got start: {start:g}; a linear one may hold 0"
+            )
+        return self
+
+    def interpolate(self, shares: Iterable[float], digits: int) -> list[float]:
+        """Values at shares of the way from start to stop, rounded."""
+        low, high, is_linear = self.start, self.stop, self.scale == "linear"
+        values = (
+            low + (high - low) * share if is_linear else low * (high / low) ** share
+            for share in shares
+        )
+        return [float(f"{value:.{digits}g}") for value in values]
+
+
+class ValueRange(_Limits):
+    """Values between two limits, both of which belong to them."""
+
+    step: float | None = option(None, "difference between neighbours", gt=0)
+    count: int | None = option(None, "number of values, in place of a step", ge=2, le=MAX_POINTS)
+
+    @model_validator(mode="after")
+    def _check_step(self) -> Self:
+        if (self.step is None) == (self.count is None):
+            raise ValueError("has start, stop, and either step or count")
+        if self.step and self.scale == "logarithmic":
+            raise ValueError("a logarithmic range has a count in place of a step")
+        if self.step and (self.stop - self.start) / self.step >= MAX_POINTS:
+            raise ValueError(f"has more than {MAX_POINTS:,} values: use a larger step")
+        return self
+
+    @property
+    def values(self) -> list[float]:
+        """The values, rounded to 12 significant digits; a step is counted as it is written, in decimals."""
+        if self.count:
+            return self.interpolate(np.linspace(0.0, 1.0, self.count).tolist(), DIGITS)
+        start, stop, step = (Decimal(repr(value)) for value in (self.start, self.stop, self.step))
+        return [float(start + number * step) for number in range(int((stop - start) / step) + 1)]
+
+
+class Design(Options):
+    """A random design: points that fill the space of several parameters evenly."""
+
+    design: Literal["latin-hypercube", "sobol"] = option(description="kind of the design")
+    count: int = option(
+        description="number of points; a power of two for sobol", ge=1, le=MAX_POINTS
+    )
+    seed: int = option(description="seed of the design", ge=0)
+    parameters: dict[str, Any] = Field(
+        description="limits (start, stop, scale) of each parameter, or the list of its values",
+        min_length=1,
+    )
+
+    @model_validator(mode="after")
+    def _check_count(self) -> Self:
+        power = 1 << self.count.bit_length() - 1
+        if self.design == "sobol" and self.count != power:
+            raise ValueError(
+                f"the count of a Sobol design is a power of two: {power} or {2 * power}, got {self.count}"
+            )
+        return self
+
+
+class PointTable(Options):
+    """A table of points."""
+
+    table: str = option(
+        description="CSV file with a row for each point and a column for each parameter"
+    )
+
+
+class Parameter(NamedTuple):
+    """What a name in `points` stands for, which is also the name of its column in tables."""
+
+    field: str  # name of the setting or option
+    owners: list[str]  # the simulation, or methods of the study whose option it is
+    kind: str  # of its values: number, count, flag or text
+
+
+class Point(NamedTuple):
+    """A point of a study."""
+
+    name: str  # its name in tables
+    condition: str  # name of its settings alone, by which trials and their seeds are keyed
+    values: dict[
+        str, Any
+    ]  # by column; a parameter that only other points name has the value of the study
+    options: dict[
+        str, dict[str, Any]
+    ]  # of methods that make it, by the name of the method in the study
+
+
+def point_name(values: Mapping[str, Any]) -> str:
+    """Name of a point in tables, from the values that make it, in any order."""
+    return ",".join(f"{name}={value}" for name, value in sorted(values.items())) or "only"
+
+
+def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Methods) -> Points:
+    """Points of a study, checked: names, types and bounds of every value, and what values may not go together."""
+    place = ("studies", study, "points")
+    parameters, combinations = _list_combinations(place, entry, methods)
+    owners = {SIMULATION: shared, **{name: method.options for name, method in methods.items()}}
+    points: dict[tuple[Any, ...], Point] = {}
+    conditions: dict[str, dict[str, Any]] = {}
+    checked: dict[
+        tuple[str, str], Options
+    ] = {}  # equal settings, and equal options of a method, are checked once
+    for row, given in combinations:
+        where = (row,) if row else ("config", *place)
+        for name, value in given.items():
+            if isinstance(value, (list, Mapping)):
+                fault = (
+                    f"{name} must be a single value or a text with commas, got {show_value(value)}"
+                )
+                raise ConfigError(f"{' → '.join(where)}: {fault}.", place)
+        models = {}
+        for owner, base in owners.items():
+            values = _values_of(owner, parameters, given)
+            key = (owner, repr(values))
+            if key not in checked:
+                values = base.model_dump(exclude_unset=True) | values
+                checked[key] = check(
+                    type(base), values, *where, point_name(given), *filter(None, [owner])
+                )
+            models[owner] = checked[key]
+        complete = {
+            name: _find_value(parameter, models, given.get(name))
+            for name, parameter in parameters.items()
+        }
+        made = {name: complete[name] for name in given}
+        settings, *options = (_values_of(owner, parameters, made) for owner in owners)
+        chosen = {name: values for name, values in zip(methods, options, strict=True) if values}
+        point = Point(point_name(made), point_name(settings), complete, chosen)
+        if points.setdefault(tuple(complete.values()), point) is not point:
+            raise ConfigError(
+                f"{' → '.join(where)}: the point {point.name} is listed twice.", place
+            )
+        conditions.setdefault(point.condition, {**dict(shared), **settings})
+    return list(points.values()), conditions, parameters
+
+
+def _values_of(
+    owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Values of a point that belong to an owner, by their names there."""
+    return {
+        parameters[name].field: value
+        for name, value in values.items()
+        if owner in parameters[name].owners
+    }
+
+
+def _find_value(parameter: Parameter, models: Mapping[str, Options], given: Any) -> Any:
+    """Value of a parameter at a point, so that 13 and 13.0 are one; None where methods differ in it."""
+    if isinstance(given, str):  # as it is written, also where it stands for a table of numbers
+        return given
+    first, *others = (getattr(models[owner], parameter.field) for owner in parameter.owners)
+    return first if all(other == first for other in others) else None
+
+
+def _list_combinations(
+    place: Place, entry: Any, methods: Methods
+) -> tuple[dict[str, Parameter], Iterable[Combination]]:
+    """What varies, and its values at each point, from any form of the key `points`."""
+    if isinstance(entry, Mapping) and "table" in entry:
+        table = check(PointTable, entry, "config", *place).table
+        rows = list(read_rows(expand_path(table, f"study {place[1]}: the table of its points")))
+        if not rows:
+            raise key_error(place, f"the table {table} has no rows.")
+        parameters = find_parameters(place, rows[0][1], methods)
+        return parameters, [
+            (row, {name: _cast(parameters[name], cells[name]) for name in cells})
+            for row, cells in rows
+        ]
+    if isinstance(entry, Mapping) and "design" in entry:
+        design: Design = check(Design, entry, "config", *place)
+        parameters = find_parameters(place, design.parameters, methods)
+        return parameters, _draw_points(design, parameters, (*place, "parameters"))
+    if isinstance(entry, Mapping):
+        parameters = find_parameters(place, entry, methods)
+        lists = [
+            _list_values(parameters[name], values, (*place, name)) for name, values in entry.items()
+        ]
+        count = math.prod(map(len, lists))
+        if count > MAX_POINTS:
+            raise key_error(
+                place,
+                f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies.",
+            )
+        return parameters, (
+            ("", dict(zip(entry, row, strict=True))) for row in itertools.product(*lists)
+        )
+    if (
+        not isinstance(entry, list)
+        or not entry
+        or not all(isinstance(point, Mapping) for point in entry)
+    ):
+        raise key_error(
+            place, "must be lists of values by setting, or a list of points with their settings."
+        )
+    names = dict.fromkeys(name for point in entry for name in point)
+    return find_parameters(place, names, methods), [("", point) for point in entry]
+
+
+def _cast(parameter: Parameter, value: str) -> Any:
+    """A cell as the type of its column; text that is none stays text, which the model refuses."""
+    if parameter.kind == "text":
+        return None if value == "null" else value
+    return WORDS.get(value.lower(), cast_number(value))
+
+
+def _draw_points(
+    design: Design, parameters: Mapping[str, Parameter], place: Place
+) -> list[Combination]:
+    """Points of a random design."""
+    from scipy.stats import qmc
+
+    sampler = qmc.Sobol if design.design == "sobol" else qmc.LatinHypercube
+    shares = sampler(len(parameters), rng=np.random.default_rng(design.seed)).random(design.count)
+    columns = [
+        _list_values(parameters[name], values, (*place, name), column)
+        for (name, values), column in zip(design.parameters.items(), shares.T.tolist(), strict=True)
+    ]
+    return [("", dict(zip(parameters, row, strict=True))) for row in zip(*columns, strict=True)]
+
+
+def _list_values(
+    parameter: Parameter, values: Any, place: Place, shares: Sequence[float] | None = None
+) -> Sequence[Any]:
+    """Values of a parameter of a grid; of a design those at shares of the way from the first to the last one."""
+    is_count, is_list = parameter.kind == "count", isinstance(values, list) and bool(values)
+    if not is_list and (
+        not isinstance(values, Mapping) or parameter.kind not in ("number", "count")
+    ):
+        form = "a list of values, or of numbers a range (start, stop)"
+        raise key_error(place, f"must be {form}, got {show_value(values)}.")
+    limits = (
+        values
+        if is_list
+        else check(ValueRange if shares is None else _Limits, values, "config", *place)
+    )
+    if shares is None:
+        # A count need not hit whole numbers; a step that does not is a mistake, which the model of the option refuses.
+        return (
+            values
+            if is_list
+            else [round(v) if is_count and limits.count else v for v in limits.values]
+        )
+    if (
+        not is_list and is_count and limits.scale == "linear"
+    ):  # each whole number has the same share
+        is_list, values = True, range(math.ceil(limits.start), math.floor(limits.stop) + 1)
+    if is_list:
+        return [values[int(share * len(values))] for share in shares]
+    drawn = limits.interpolate(shares, DIGITS // 2)
+    return [round(value) for value in drawn] if is_count else drawn
+
+
+def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> dict[str, Parameter]:
+    """What the names in `points` stand for.
+
+    A name is that of a setting, or else that of an option, of every method that has it; `METHOD.option` is that of one.
+    """
+    parameters: dict[str, Parameter] = {}
+    fields = {SIMULATION: SimulationSettings.model_fields}
+    fields |= {name: type(method.options).model_fields for name, method in methods.items()}
+    names_of: dict[tuple[str, str], str] = {}
+    for name in names:
+        chosen, _, field = name.rpartition(".")
+        owners = [
+            method for method in methods if chosen in ("", method) and field in fields[method]
+        ]
+        owners = [SIMULATION] if name in SETTINGS else owners
+        if not owners:
+            options = dict.fromkeys(option for method in methods for option in fields[method])
+            known = [
+                *SETTINGS,
+                *options,
+                *(f"{method}.{option}" for method in methods for option in fields[method]),
+            ]
+            fault = f"{name!r} is not a setting of the simulation{suggest_name(name, known)}"
+            fault += f"; known: {', '.join(SETTINGS)}; nor an option of a method of the study"
+            raise key_error(place, f"{fault}; known: {', '.join(options)}.")
+        for owner in owners:
+            other = names_of.setdefault((owner, field), name)
+            if other != name:
+                raise key_error(
+                    place,
+                    f"{other} and {name} are the same option of the method {owner}: leave one out.",
+                )
+            settings = methods.get(owner)
+            if settings and (
+                field in settings.options.model_fields_set or field in settings.select
+            ):
+                message = f"the method {owner} has {field} under options or select as well: leave it out there."
+                raise key_error((*place, name), message)
+        parameters[name] = Parameter(field, owners, find_kind(fields[owners[0]][field].annotation))
+    return parameters

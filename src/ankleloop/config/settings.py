@@ -1,0 +1,420 @@
+"""The configuration: every key with its type, unit, default and bounds.
+
+``python -m ankleloop.config.settings`` writes its JSON schema, in the root of the repository.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, Union
+
+from pydantic import (
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    ValidationError,
+    WithJsonSchema,
+    create_model,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
+
+from ankleloop.config.checking import check, check_cases
+from ankleloop.config.recording_settings import MAX_NAME, RECORDING_NAME, Recording
+from ankleloop.methods.registry import METHODS, find_method
+from ankleloop.methods.selection import check_selection
+from ankleloop.options import Options, option, suggest_name
+from ankleloop.quantities import TRIAL_QUANTITIES
+from ankleloop.simulation.settings import SimulationSettings
+
+SCHEMA = Path("workflow/schemas/config.schema.json")
+
+
+class Notebook(NamedTuple):
+    """A notebook that renders studies."""
+
+    figures: tuple[str, ...]  # that it draws beside its page and its table
+    needs: tuple[str, ...] = ()  # of its study, see `config.run.find_need`
+
+
+# Captions and axes of most of them know settings alone, and no options.
+NOTEBOOKS = {
+    "table1": Notebook(("figure3", "order"), ("trials", "settings")),
+    "figure4": Notebook(
+        ("figure4", "passes"), ("one setting", "settings", "numbers", "truths", "cascade")
+    ),
+    "passes": Notebook(("passes",), ("one setting", "settings", "numbers", "cascade")),
+    "table2": Notebook(("figure5",), ("trials", "settings")),
+    "comparison": Notebook(("stiffness", "vaf"), ("estimates", "settings", "numbers")),
+    "traces": Notebook(
+        ("traces",), ("estimates", "settings", "real-time", "truths", "shared truths")
+    ),
+    "sensitivity": Notebook(("map",), ("two settings", "settings", "truths", "stop rule")),
+    "efficiency": Notebook(("efficiency",), ("settings", "truths", "delay")),
+    "choosing": Notebook(("choosing",), ("one setting", "settings", "numbers", "truths", "select")),
+    "obstacles": Notebook(("obstacles",), ("truths",)),
+    "time-varying": Notebook(
+        ("errors", "trajectories"), ("estimates", "truths", "variation", "trajectories")
+    ),
+    "design": Notebook(("design",), ("settings", "truths")),
+    "sweep": Notebook(("sweep",)),
+    "recordings": Notebook(("group",)),
+}
+
+Name = Annotated[
+    str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)
+]
+RecordingName = Annotated[str, StringConstraints(pattern=RECORDING_NAME, max_length=MAX_NAME)]
+Names = Annotated[list[str], Field(min_length=1)]
+
+
+class MethodSettings(Options):
+    """A method of a study: its name, its label and its options."""
+
+    method: str = option(description="identification method")
+    label: str | None = option(None, "name in tables and legends; null for the key")
+    options: Options = option(
+        description="options of the method; those left out have their defaults"
+    )
+    select: dict[str, Annotated[list[Any], Field(min_length=1)]] = option(
+        {},
+        "options to select on data that were not fitted, each with its candidates from simple to complex",
+    )
+    criterion: Literal["instrumental", "cross-validation"] | None = option(
+        None,
+        "criterion of that selection; null for instrumental with a reference, cross-validation without",
+    )
+
+    @model_validator(mode="after")
+    def _check_candidates(self) -> Self:
+        options = self.options.model_dump(exclude_unset=True)
+        try:
+            check_selection(
+                f"method {self.method!r}", type(self.options), options, self.select, self.criterion
+            )
+        except TypeError as error:  # pydantic names the place of a ValueError only
+            raise ValueError(str(error)) from None
+        return self
+
+    @property
+    def fixed_options(self) -> dict[str, Any]:
+        """Options with their defaults, without those that are to be selected."""
+        return {name: value for name, value in self.options if name not in self.select}
+
+    @property
+    def identify_options(self) -> dict[str, Any]:
+        """All options that `ankleloop.identify` takes, the candidates of a selection among them."""
+        selection = {"select": self.select, "criterion": self.criterion} if self.select else {}
+        return {**self.fixed_options, **selection}
+
+
+def _settings_of(options: type[Options], *names: str) -> type[MethodSettings]:
+    """Settings of the methods of some names, which have these options."""
+    fields = MethodSettings.model_fields
+    method = option(description=fields["method"].description or "")
+    chosen = option(description=fields["options"].description or "", default_factory=options)
+    return create_model(
+        options.__name__.replace("Options", "Settings"),
+        __base__=MethodSettings,
+        __doc__=f"A method with {options.__name__}.",
+        method=(Literal[names], method),  # type: ignore[arg-type]
+        options=(options, chosen),
+    )
+
+
+def _union_of_methods() -> Any:
+    """One model of `MethodSettings` for each set of options; the name of the method tells them apart."""
+    names: dict[type[Options], list[str]] = {}
+    for name, entry in METHODS.items():
+        names.setdefault(entry.options, []).append(name)
+    models = tuple(_settings_of(options, *members) for options, members in names.items())
+    return Annotated[Union[models], Field(discriminator="method"), _OrRegistered()]  # noqa: UP007 # of a list
+
+
+class _OrRegistered:
+    """Lets the methods of a study be registered by other packages; each is then checked by its own options."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_wrap_validator_function(_check_method, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        registered = {
+            "description": "A method that another package registers: it is looked up when the configuration is read.",
+            "type": "object",
+            "properties": {"method": {"type": "string", "not": {"enum": list(METHODS)}}},
+            "required": ["method"],
+        }
+        return {"anyOf": [handler(schema), registered]}
+
+
+def _check_method(value: Any, check_built_in: Callable[[Any], Any]) -> Any:
+    """Settings of a method, of the library or registered by another package."""
+    name = value.get("method") if isinstance(value, Mapping) else None
+    if not isinstance(name, str) or name in METHODS:
+        return check_built_in(value)
+    try:
+        entry = find_method(name)
+    except ValueError as error:
+        fault = PydanticCustomError("value_error", "{error}", {"error": str(error)})
+        details = InitErrorDetails(type=fault, loc=("method",), input=name)
+        raise ValidationError.from_exception_data("method", [details]) from None
+    return check(_settings_of(entry.options, name), value)
+
+
+if TYPE_CHECKING:
+    Methods = dict[str, MethodSettings]
+    SimulationNotebook = str
+else:
+    Methods = dict[Name, _union_of_methods()]
+    SimulationNotebook = Literal[tuple(name for name in NOTEBOOKS if name != "recordings")]
+# They are checked by `config.points`, whose messages name the point.
+Points = Annotated[Any, WithJsonSchema({"type": ["object", "array"]})]
+
+
+class SweepSettings(Options):
+    """Pictures of a study whose points differ in settings of the simulation or options of methods."""
+
+    quantities: Names | None = option(
+        None,
+        "scores (vaf_net_true), parameters (K), errors (K_error), shares of trials (failures); null for a choice",
+    )
+    methods: Names | None = option(None, "methods that are shown; null for all")
+    difference: Annotated[list[str], Field(min_length=2, max_length=2)] | None = option(
+        None,
+        "two methods whose difference (first minus second, trial by trial) is shown as well; null for none",
+    )
+    axes: Names | None = option(
+        None,
+        "varied parameters: one gives lines, two give maps, more a matrix of effects; null for all in their order",
+    )
+
+    def check(self, varied: Collection[str], methods: Collection[str]) -> None:
+        """Refuse pictures of what a study does not have."""
+        if not varied:
+            raise ValueError(
+                "no setting and no option differs between the points: give points more than one value"
+            )
+        _check_list("quantities", self.quantities, "quantity", TRIAL_QUANTITIES)
+        _check_list("methods", self.methods, "method", methods)
+        _check_list("difference", self.difference, "method", methods)
+        _check_list("axes", self.axes, "varied parameter", varied)
+
+
+class FigureSettings(Options):
+    """The trial and the window that figures of torques show."""
+
+    methods: Names | None = option(None, "methods that are drawn, a column each; null draws all")
+    trial: int = option(0, "number of the trial, from 0", ge=0)
+    start: float = option(10.0, "start of the window", unit="s", ge=0)
+    length: float = option(5.0, "length of the window", unit="s", gt=0)
+
+
+class _StudySettings(Options):
+    """Keys of every study."""
+
+    kind: str = option(description="source of the trials")
+    title: str = option("", "heading of the report; if it is empty, the name of the study")
+    figure: FigureSettings = option(
+        description="what figures of torques show", default_factory=FigureSettings
+    )
+    methods: Methods = option(
+        description="methods by the names that tables and figures use", min_length=1
+    )
+
+    @model_validator(mode="after")
+    def _check_methods(self) -> Self:
+        """Refuse names and labels by which results could be taken for those of another method, and unknown ones."""
+        check_cases("methods", self.methods)
+        for name, method in self.methods.items():
+            if name in METHODS and name != method.method:
+                raise ValueError(
+                    f"methods: {name} is the name of another method: choose another name"
+                )
+        label, count = Counter(
+            method.label or name for name, method in self.methods.items()
+        ).most_common(1)[0]
+        if count > 1:
+            raise ValueError(
+                f"methods: {count} methods have the label {label!r}; give each one of its own"
+            )
+        _check_list("figure: methods", self.figure.methods, "method", self.methods)
+        return self
+
+
+class SimulationStudy(_StudySettings):
+    """A study of simulated trials."""
+
+    kind: Literal["simulation"] = option(description="source of the trials")
+    notebook: SimulationNotebook | None = option(
+        "table1", "notebook that renders the study; null for none"
+    )
+    trials: int = option(20, "simulated trials at each point", ge=1, le=100000)
+    seed: int = option(
+        description="seed of the study, from which every trial has a stream of its own", ge=0
+    )
+    simulation: SimulationSettings = option(
+        description="settings of every trial", default_factory=SimulationSettings
+    )
+    points: Points = option(
+        description="settings and options that vary, by name (`METHOD.option` is that of one method): lists or ranges "
+        "of values, whose combinations are points; a random design; a table, or a list, of points",
+        default_factory=lambda: [{}],
+    )
+    against: Literal["measured"] | None = option(
+        None,
+        "what estimates are scored against; null for the true torques, measured as if these were unknown",
+    )
+    precision: Literal["single", "double"] = option(
+        "double",
+        "floating-point precision of trials and estimated torques on disk; single takes half the space",
+    )
+    keep: Literal["everything", "estimates", "scores"] = option(
+        "everything",
+        "what is left on disk: everything, estimates without trials, or scores and parameters alone",
+    )
+    trials_per_chunk: int = option(
+        200,
+        "trials that share a job: whole points until it has as many; a point of more is divided",
+        ge=1,
+    )
+    sweep: SweepSettings = option(
+        description="what the notebook sweep shows", default_factory=SweepSettings
+    )
+
+    @model_validator(mode="after")
+    def _check_study(self) -> Self:
+        if self.figure.trial >= self.trials:
+            raise ValueError(
+                f"figure: trial: there is no trial {self.figure.trial}; the last one is {self.trials - 1}"
+            )
+        return self
+
+
+class RecordingsStudy(_StudySettings):
+    """A study of recordings of a laboratory."""
+
+    kind: Literal["recordings"] = option(description="source of the trials")
+    notebook: Literal["recordings"] | None = option(
+        "recordings", "notebook that renders the study; null for none"
+    )
+    folder: str = option(".", "folder of the files; ${NAME} stands for an environment variable")
+    files: dict[RecordingName, Recording] = option(
+        description="recordings by name; the name appears in the paths of the results",
+        default_factory=dict,
+    )
+    shared: dict[str, Any] = option(
+        description="values for recordings that do not give their own",
+        alias="defaults",
+        default_factory=dict,
+    )
+    table: str | None = option(
+        None,
+        "CSV file with a row for each recording, and its keys and an optional name as columns; null for none",
+    )
+    recordings_per_chunk: int = option(8, "recordings that share a job", ge=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _apply_defaults(cls, values: Any) -> Any:
+        defaults, files = (values.get(name) or {} for name in ("defaults", "files"))
+        if not isinstance(defaults, Mapping) or not isinstance(files, Mapping):
+            return values
+        complete = {
+            name: {**defaults, **file} if isinstance(file, Mapping) else file
+            for name, file in files.items()
+        }
+        return {**values, "files": complete}
+
+
+def _check_list(key: str, names: Sequence[str] | None, kind: str, known: Collection[str]) -> None:
+    """Refuse names in a list that are unknown, or stand twice."""
+    for name, count in Counter(names or ()).items():
+        if name not in known:
+            close = suggest_name(name, known)
+            raise ValueError(
+                f"{key}: there is no {kind} {name!r}{close}; there are {', '.join(known)}"
+            )
+        if count > 1:
+            raise ValueError(f"{key}: {name!r} is listed twice")
+
+
+class Config(Options):
+    """The whole configuration."""
+
+    run: Names | None = option(None, "names of the studies to make; null for all of them")
+    article: list[str] = option(
+        description="studies of the ledger and the article, made where all of these are run",
+        default_factory=list,
+    )
+    studies: dict[
+        Name, Annotated[SimulationStudy | RecordingsStudy, Field(discriminator="kind")]
+    ] = option(
+        description="studies by name; the name appears in the paths of the results", min_length=1
+    )
+
+    @property
+    def run_names(self) -> list[str]:
+        """Names of the studies to make."""
+        return list(self.studies) if self.run is None else self.run
+
+    @property
+    def article_names(self) -> list[str]:
+        """Names of the studies of the article; none where one of them is not made."""
+        return self.article if set(self.article) <= set(self.run_names) else []
+
+    @model_validator(mode="after")
+    def _check_names(self) -> Self:
+        check_cases("studies", self.studies)
+        if "economy" in self.studies:
+            raise ValueError(
+                "studies: 'economy' has another table, results/tables/economy.csv: give it another name"
+            )
+        for name in self.studies:
+            if name.endswith("-trials") and name.removesuffix("-trials") in self.studies:
+                raise ValueError(
+                    f"studies: {name!r} has the table of all trials of {name.removesuffix('-trials')!r}: "
+                    "give it another name"
+                )
+        _check_list("run", self.run, "study", self.studies)
+        _check_list("article", self.article, "study", self.studies)
+        if self.article_names:
+            studies = [self.studies[name] for name in self.article]
+            if not all(isinstance(study, SimulationStudy) and study.notebook for study in studies):
+                raise ValueError("article: its studies are simulated and have a notebook")
+            table1 = self.studies["table1"] if "table1" in self.article else None
+            if not isinstance(table1, SimulationStudy) or table1.keep != "everything":
+                fault = "the economy of the methods is measured on the trials of the study 'table1'"
+                remedy = "name it and set its keep: everything, or set article: [] to make none"
+                raise ValueError(f"article: {fault}: {remedy}")
+        return self
+
+
+def schema_text() -> str:
+    """The JSON schema of the configuration: every key with its description, unit, default and bounds."""
+    schema = json.loads(json.dumps(Config.model_json_schema()), object_hook=_tidy)
+    header = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "ankleloop configuration",
+    }
+    return json.dumps({**header, **schema}, indent=2, ensure_ascii=False) + "\n"
+
+
+def _tidy(schema: dict[str, Any]) -> dict[str, Any]:
+    """A part of the schema without a title that repeats its key, and with the first sentence of its docstring."""
+    if isinstance(schema.get("title"), str):
+        del schema["title"]
+    if schema.get("type") == "object" and "description" in schema:
+        schema["description"] = schema["description"].partition("\n\n")[0].replace("\n", " ")
+    return schema
+
+
+if __name__ == "__main__":
+    SCHEMA.write_text(schema_text(), encoding="utf-8")

@@ -1,0 +1,280 @@
+"""Studies of a configuration: simulated trials, or recordings of a laboratory, in the chunks that jobs take.
+
+A chunk has whole conditions until it has enough trials, and one of more trials is divided. So another point at the end
+changes the last chunk alone, and an edited value the chunk that holds it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple
+
+from ankleloop.config.checking import check, check_cases, expand_path, key_error
+from ankleloop.config.points import Point, list_points
+from ankleloop.config.recording_settings import read_recordings
+from ankleloop.config.settings import NOTEBOOKS, Config, RecordingsStudy, SimulationStudy
+
+MAX_SAMPLES = 2**25  # of all trials of a trial file, about, which then has 2 GB
+ROUNDING = 1e-9  # of a sum of shares
+
+
+class PointTrials(NamedTuple):
+    """Trials of one condition: those numbered from `first` to `stop`, without `stop`."""
+
+    condition: str
+    first: int
+    stop: int
+
+
+Chunk = list[PointTrials]
+
+
+class Study:
+    """A study under its name."""
+
+    varied: Sequence[str] = ()  # names of the columns that differ between the points
+    points: Mapping[
+        str, Mapping[str, Any]
+    ]  # settings of each point, or mapping of each recording, by name
+    chunks: Sequence[Any]
+
+    def __init__(self, name: str, settings: Any) -> None:
+        self.name, self.settings, self.methods = name, settings, settings.methods
+        words = re.sub("[_-]+", " ", name).strip()
+        self.title: str = settings.title or words[:1].upper() + words[1:]  # heading of its report
+        self.labels = {
+            name: method.label or name for name, method in self.methods.items()
+        }  # for legends
+        names = NOTEBOOKS[settings.notebook].figures if settings.notebook else ()
+        has_singular_values = any(
+            method.method.endswith("moesp") for method in self.methods.values()
+        )
+        self.figures = tuple(name for name in names if name != "order" or has_singular_values)
+
+
+class SimulatedStudy(Study):
+    """A study of simulated trials.
+
+    Trials of a trial file (`trial_files`; none where no trials are kept) have equal length, rate and variables. Their
+    number follows from the simulation alone: another method or option simulates nothing again. A chunk (`chunks`),
+    which one job identifies, is part of a trial file; without trial files the length and rate of its trials may differ.
+    """
+
+    settings: SimulationStudy
+
+    def __init__(self, name: str, settings: SimulationStudy) -> None:
+        super().__init__(name, settings)
+        points = list_points(name, settings.points, settings.simulation, settings.methods)
+        self.point_list, self.conditions, self.parameters = points
+        conditions = self.conditions.items()
+        self._samples = {
+            name: round(part["duration"] * part["recording_rate"]) for name, part in conditions
+        }
+        self.varied = list(self.parameters)
+        # All settings and varied options of each point.
+        self.points = {
+            point.name: {**self.conditions[point.condition], **point.values}
+            for point in self.point_list
+        }
+        self.rows = (
+            len(self.point_list) * len(settings.methods) * settings.trials
+        )  # of the table of its trials
+        self._points_of: dict[str, list[Point]] = {condition: [] for condition in self.conditions}
+        for point in self.point_list:
+            self._points_of[point.condition].append(point)
+        self.identified_methods = {
+            name: {"method": method.method, "options": method.identify_options}
+            for name, method in settings.methods.items()
+        }
+        trials = [PointTrials(name, 0, settings.trials) for name in self.conditions]
+        self.trial_files: list[Chunk] = []
+        if settings.keep == "everything":
+            self.trial_files = split_trials(trials, self._most_in_file, self._variables_of)
+        self.chunks: list[Chunk] = []
+        self.file_numbers: list[int] = []  # of the trial file that holds each chunk
+        for number, part in enumerate(self.trial_files or [trials]):
+            chunks = split_trials(part, self._most_in_chunk, self._rate_of)
+            self.chunks += chunks
+            self.file_numbers += [number] * len(chunks)
+
+    def _most_in_file(self, condition: str) -> int:
+        """Most trials of a trial file that are like those of a condition."""
+        return min(self.settings.trials_per_chunk, MAX_SAMPLES // self._samples[condition])
+
+    def _most_in_chunk(self, condition: str) -> int:
+        """Most trials of a chunk that are identified at as many points as those of a condition."""
+        return self.settings.trials_per_chunk // len(self._points_of[condition])
+
+    def _variables_of(self, condition: str) -> Hashable:
+        """What the trials of a file have in common: length, rate and variables."""
+        settings = self.conditions[condition]
+        follows_cycle = any(
+            settings[name] for name in ("movement", "locked_torque", "perturbation_locked")
+        )
+        common = ("duration", "recording_rate", "variation")
+        return (*(settings[name] for name in common), follows_cycle)
+
+    def _rate_of(self, condition: str) -> Hashable:
+        """What the estimates of a file have in common: length and rate; nothing where none are kept."""
+        settings = self.conditions[condition]
+        if self.settings.keep == "scores":
+            return None
+        return settings["duration"], settings["recording_rate"]
+
+    def simulation(self, parts: Chunk) -> dict[str, Any]:
+        """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
+        conditions = {
+            condition: {"settings": self.conditions[condition], "first": first, "stop": stop}
+            for condition, first, stop in parts
+        }
+        return {"seed": self.settings.seed, "conditions": conditions}
+
+    def identification(self, chunk: int) -> dict[str, Any]:
+        """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
+        conditions, parts = {}, self.chunks[chunk]
+        for condition, first, stop in parts:
+            points = {
+                p.name: {"values": p.values, "options": p.options}
+                for p in self._points_of[condition]
+            }
+            conditions[condition] = {"first": first, "stop": stop, "points": points}
+        arguments = {
+            "conditions": conditions,
+            "methods": self.identified_methods,
+            "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
+            **self.settings.model_dump(include={"against", "precision"}),
+        }
+        return {**arguments, "settings": _hash(self.name, self.simulation(parts), arguments)}
+
+    @cached_property
+    def hashes(self) -> list[str]:
+        """Hash of the settings that make the table of each chunk."""
+        return [self.identification(chunk)["settings"] for chunk in range(len(self.chunks))]
+
+    @property
+    def hash(self) -> str:
+        """Hash of the settings that make the table of the study."""
+        return _hash(*self.hashes)
+
+
+def split_trials(
+    trials: Iterable[PointTrials], most: Callable[[str], int], label: Callable[[str], Hashable]
+) -> list[Chunk]:
+    """Chunks of trials whose conditions have one label: whole conditions until there are enough trials.
+
+    `most` is the number of trials of a chunk that has such a condition alone; a condition of more trials is divided.
+    """
+    chunks: list[Chunk] = []
+    filling: dict[Hashable, Chunk] = {}  # the last chunk of each label
+    filled: dict[Hashable, float] = {}  # share of it that is taken
+    for condition, first, stop in trials:
+        size = max(1, most(condition))
+        key = label(condition)
+        share = (stop - first) / size
+        if share > 1.0:
+            starts = range(first, stop, size)
+            chunks += [[PointTrials(condition, k, min(k + size, stop))] for k in starts]
+        elif filled.get(key, 1.0) + share > 1.0 + ROUNDING:
+            filling[key] = [PointTrials(condition, first, stop)]
+            filled[key] = share
+            chunks.append(filling[key])
+        else:
+            filling[key].append(PointTrials(condition, first, stop))
+            filled[key] += share
+    return chunks
+
+
+def _hash(*values: Any) -> str:
+    """Hash of settings, by which a result knows what made it."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+class RecordedStudy(Study):
+    """A study of recordings of a laboratory."""
+
+    settings: RecordingsStudy
+
+    def __init__(self, name: str, settings: RecordingsStudy) -> None:
+        super().__init__(name, settings)
+        self.analysed_methods = {  # for `ankleloop.recordings.analysis.analyse`
+            name: {**method.model_dump(exclude={"options"}), "options": method.fixed_options}
+            for name, method in settings.methods.items()
+        }
+
+    @cached_property
+    def hashes(self) -> list[str]:
+        """Hash of the settings that make the table of each chunk."""
+        shared = (self.analysed_methods, self.settings.figure.model_dump())
+        return [_hash(chunk, *shared) for chunk in self.chunks]
+
+    @cached_property
+    def points(self) -> dict[str, dict[str, Any]]:  # type: ignore[override]
+        """Mapping of each recording by its name, with paths and mappings of all its files as `paths` and `parts`."""
+        settings, place = self.settings, ("studies", self.name)
+        recordings = {name: [recording] for name, recording in settings.files.items()}
+        if settings.table:
+            path = expand_path(settings.table, f"study {self.name}: the table of its recordings")
+            for name, parts in read_recordings(path, settings.shared).items():
+                if name in recordings:
+                    raise key_error(
+                        place,
+                        f"the recording {name!r} is under files and in the table {settings.table}.",
+                    )
+                recordings[name] = parts
+        if not recordings:
+            raise key_error(place, "name its recordings under files, or a table that lists them.")
+        check_cases("files", recordings)
+        folder = expand_path(settings.folder, f"study {self.name}: the folder of its recordings")
+        return {
+            name: {
+                **parts[0].model_dump(),
+                "paths": [str(folder / part.file) for part in parts],
+                "parts": [part.model_dump() for part in parts],
+            }
+            for name, parts in recordings.items()
+        }
+
+    @cached_property
+    def chunks(self) -> list[dict[str, dict[str, Any]]]:  # type: ignore[override]
+        """Mapping of each recording of each chunk by its name."""
+        items, count = list(self.points.items()), self.settings.recordings_per_chunk
+        return [dict(items[first : first + count]) for first in range(0, len(items), count)]
+
+    def check_files(self) -> None:
+        """Refuse a folder that has none of the files, and names that Snakemake would take for wildcards."""
+        for name, point in self.points.items():
+            for path in point["paths"]:
+                if "{" in path or "}" in path:
+                    message = f"the recording {name}: Snakemake takes the braces of {path} for wildcards: rename it."
+                    raise key_error(("studies", self.name, "files"), message)
+        paths = [path for point in self.points.values() for path in point["paths"]]
+        if not any(map(os.path.exists, paths)):
+            message = f"none of its {len(paths)} files exists; the first would be {os.path.abspath(paths[0])}."
+            raise key_error(("studies", self.name, "folder"), message)
+
+    def existing_paths(self, chunk: int) -> list[str]:
+        """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
+        paths = [path for mapping in self.chunks[chunk].values() for path in mapping["paths"]]
+        return list(filter(os.path.exists, paths))
+
+
+def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
+    """Check a configuration, fill in its defaults, and build its studies.
+
+    Those that are not run are checked as well, but for files and tables, which they may lack.
+    """
+    checked = check(Config, config, "config")
+    studies: dict[str, Study] = {}
+    for name, settings in checked.studies.items():
+        if isinstance(settings, RecordingsStudy):
+            studies[name] = RecordedStudy(name, settings)
+        elif name in checked.run_names or not (
+            isinstance(settings.points, Mapping) and "table" in settings.points
+        ):
+            studies[name] = SimulatedStudy(name, settings)
+    return checked, studies

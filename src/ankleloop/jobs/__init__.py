@@ -1,0 +1,1 @@
+"""What the jobs of the workflow do, the fingerprint of their code, and the record of a run."""

@@ -1,0 +1,116 @@
+"""Identification of a chunk of trials by all methods of a study, and its scores."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import pyarrow as pa
+
+from ankleloop.assessment.scores import parameter_row, score_torques
+from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.estimate_files import EstimateTable
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.methods.registry import identify
+from ankleloop.quantities import point_column
+from ankleloop.tables.trial_tables import ENDS, as_table, save_table
+from ankleloop.trials.files import PathLike
+from ankleloop.trials.trial_files import Trials, load_rows
+
+log = logging.getLogger(__name__)
+
+GROUP_ROWS = 2_000  # that wait as objects; those of a table take much less memory
+TYPES = {"number": pa.float64(), "count": pa.int64(), "flag": pa.bool_(), "text": pa.string()}
+
+Points = Mapping[str, Mapping[str, Any]]
+
+
+def read_trials(path: PathLike, conditions: Points) -> Trials:
+    """Trials of a file, those of each condition from `first` to `stop` without it."""
+    return load_rows(
+        path, {condition: (part["first"], part["stop"]) for condition, part in conditions.items()}
+    )
+
+
+def identify_trials(
+    trials: Trials,
+    files: Mapping[str, PathLike],
+    study: str,
+    conditions: Points,
+    methods: Points,
+    kinds: Mapping[str, str],
+    *,
+    settings: str = "",
+    against: Literal["measured"] | None = None,
+    precision: str = "double",
+) -> pa.Table:
+    """Identify trials by every method, score the estimates, and write the rows of all trials to `files["scores"]`.
+
+    `conditions` have `points`, each with its `values` (columns) and `options` by method. Points of one condition share
+    its trials, and a method whose options are the same at several of them identifies a trial once. `files["estimates"]`
+    is optional.
+    """
+    estimates = (
+        EstimateTable(precision, Path(files["scores"]).parent) if "estimates" in files else None
+    )
+    types = {point_column(name): TYPES[kind] for name, kind in kinds.items()}
+    tables, waiting = [], []
+    for condition, number, trial in trials:
+        prepared = trial if isinstance(trial, str) else PreparedTrial(trial, validated=True)
+        results: dict[
+            tuple[str, str], tuple[Estimate | None, dict[str, Any]]
+        ] = {}  # by method and its options
+        for point, part in conditions[condition]["points"].items():
+            for name, method in methods.items():
+                options = {**method["options"], **part["options"].get(name, {})}
+                key = (name, repr(options))
+                if key not in results:
+                    with locate_errors(
+                        f"study {study}, point {point}, trial {number}, method {name}"
+                    ):
+                        results[key] = _identify(prepared, method["method"], options, against)
+                estimate, row = results[key]
+                if "failure" in row:
+                    log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
+                if estimate is not None and estimates is not None:
+                    estimates.add(estimate, point=point, name=name, number=number)
+                keys = {
+                    "study": study,
+                    "point": point,
+                    **{point_column(column): value for column, value in part["values"].items()},
+                    "method": name,
+                    "trial": number,
+                }
+                waiting.append(keys | row)
+        if len(waiting) >= GROUP_ROWS:
+            tables.append(as_table(waiting, types))
+            waiting = []
+        log.info("%s: identified trial %d", condition, number)
+        if isinstance(prepared, PreparedTrial):
+            prepared.clear()
+    table = pa.concat_tables([*tables, as_table(waiting, types)], promote_options="default")
+    if estimates is not None:
+        estimates.write(files["estimates"], overwrite=True)
+    save_table(table, files["scores"], settings)
+    return table
+
+
+def _identify(
+    trial: PreparedTrial | str, method: str, options: Mapping[str, Any], against: Any
+) -> tuple[Estimate | None, dict[str, Any]]:
+    """Estimate of a trial with its scores and parameters as a row, or without it the reason of the failure."""
+    if isinstance(trial, str):
+        return None, {"failure": f"the trial could not be simulated: {trial}"}
+    try:
+        estimate = identify(trial, method, **options)
+        scores = list(score_torques(trial, estimate, against))
+        parameters = parameter_row(trial, estimate)
+    except NUMERICAL_ERRORS as error:
+        return None, {"failure": describe_error(error)}
+    names = [f"vaf_{torque}_{target}{end}" for torque, target, *_ in scores for end in ("", *ENDS)]
+    return estimate, dict(
+        zip(names, (value for _, _, *row in scores for value in row), strict=True)
+    ) | parameters

@@ -1,1 +1,0 @@
-"""Studies: from the configuration to points, chunks and files."""

@@ -1,0 +1,194 @@
+"""Studies of joints that change in time: mean trajectories over trials, their errors, and limits of these."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import product
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from ankleloop.assessment.cramer_rao import trajectory_bound
+from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
+from ankleloop.errors import DataError
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.estimate_files import load_estimates
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.trajectories import draw_course, trajectories
+from ankleloop.tables.captions import LOAD, format_load
+from ankleloop.tables.means import count_outcomes, measure_statistics
+
+NAMES = {"stiffness": "K", "viscosity": "B", "gain": "G"}  # of the trajectories of a simulation
+SCORES = {
+    "error": "nrmse",
+    "mean_error": "bias",
+    "covered": "covered",
+}  # columns of the table of trials
+VARIATIONS = {
+    "cycle": "{:g} cycles",
+    "time": "over {:g} s",
+    "schedule": "scheduling variable, {:g} s",
+}
+PLACES = 101
+SEED = 0  # of the perturbation, on which the bound hardly depends
+SPREAD = (0.025, 0.975)  # quantiles of the trials
+
+Points = Mapping[str, Mapping[str, Any]]
+
+
+def _simulated(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of the simulation; points of a study have options of methods beside them."""
+    return {
+        name: value for name, value in settings.items() if name in SimulationSettings.model_fields
+    }
+
+
+def profile_trajectories(
+    settings: Mapping[str, Any], dimension: str, coordinate: np.ndarray
+) -> dict[str, np.ndarray]:
+    """True K, B and G of a setting over what they vary with.
+
+    Shapes: coordinate (places,); returns (places,).
+    """
+    chosen = SimulationSettings(**{**_simulated(settings), "cycle_jitter": 0.0})
+    time = coordinate * chosen.cycle_duration
+    if dimension != "phase":  # a straight path over a record of any length takes each place in turn
+        chosen = chosen.model_copy(update={"variation": "time"})
+        time = coordinate * (chosen.duration if dimension == "schedule" else 1.0)
+    truth = trajectories(draw_course(chosen, np.random.default_rng(0)), time)
+    return {NAMES[name]: values for name, values in truth._asdict().items()}
+
+
+def average_trajectories(
+    estimates: Iterable[Estimate], settings: Mapping[str, Any]
+) -> pd.DataFrame:
+    """Mean and spread of trajectories over trials, place by place, beside the truth."""
+    curves = [estimate.trajectories for estimate in estimates if estimate.trajectories is not None]
+    if not curves:
+        return pd.DataFrame()
+    dimension = str(next(iter(curves[0].sizes)))
+    places = [curve[dimension].values for curve in curves]
+    coordinate = np.linspace(
+        max(place[0] for place in places), min(place[-1] for place in places), PLACES
+    )
+    truths, tables = profile_trajectories(settings, dimension, coordinate), []
+    for name in TRAJECTORY_TRUTHS:
+        values = [
+            np.interp(coordinate, place, curve[name])
+            for place, curve in zip(places, curves, strict=True)
+        ]
+        trials = pd.DataFrame(np.stack(values))
+        low, high = trials.quantile(SPREAD).to_numpy() if len(curves) > 1 else (np.nan, np.nan)
+        table = pd.DataFrame(
+            {"place": coordinate, "truth": truths[name], "mean": trials.mean(), "sd": trials.std()}
+        )
+        tables.append(
+            table.assign(low=low, high=high, n=trials.count(), parameter=name, dimension=dimension)
+        )
+    return pd.concat(tables, ignore_index=True)
+
+
+def average_study(
+    paths: Sequence[str | PathLike[str]], points: Points, methods: Iterable[str]
+) -> pd.DataFrame:
+    """Mean trajectories of every setting and method of a study."""
+    parts = [
+        average_trajectories(load_estimates(paths, point, method).values(), settings).assign(
+            point=point, method=method
+        )
+        for (point, settings), method in product(points.items(), methods)
+    ]
+    if not any(map(len, parts)):
+        raise DataError("no estimate of the study has trajectories: add a method riv-tv.")
+    return pd.concat([part for part in parts if len(part)], ignore_index=True)
+
+
+def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.DataFrame:
+    r"""Errors of trajectories over trials: a row for each setting, method and parameter.
+
+    Bias and random error are those of each place, as root mean squares over all places and over the mean of the truth:
+
+    .. math:: \text{bias}^2 = \overline{(\overline{\hat K}(\tau) - K(\tau))^2}, \qquad
+              \text{random}^2 = \overline{s^2(\tau)}, \qquad \text{total}^2 = \text{bias}^2 + \text{random}^2.
+    """
+    rows, keys = [], ["point", "method"]
+    curves = dict(iter(averages.groupby([*keys, "parameter"], sort=False)))
+    names = [name for name in TRAJECTORY_TRUTHS if f"{name}_nrmse" in details]
+    scores = [f"{name}_{score}" for name in names for score in (*SCORES.values(), "rise")]
+    statistics = measure_statistics(details, keys, scores).set_index([*keys, "quantity"])
+    groups = details.groupby(keys, sort=False).groups
+    for (point, method), name in product(groups, names):
+        row = {"point": point, "method": method, "parameter": name}
+        for column, score in SCORES.items():
+            values = statistics.loc[(point, method, f"{name}_{score}")]
+            row |= {column: values["mean"], f"{column}_margin": values["margin"]}
+        curve = curves.get(
+            (point, method, name), pd.DataFrame(columns=averages.columns, dtype=float)
+        )
+        scale = 100.0 / curve["truth"].mean()
+        row["bias"] = scale * np.sqrt(((curve["mean"] - curve["truth"]) ** 2).mean())
+        row["random"] = scale * np.sqrt((curve["sd"] ** 2).mean())
+        row["total"] = np.hypot(row["bias"], row["random"])
+        rows.append(row | {"rise": statistics.loc[(point, method, f"{name}_rise"), "mean"]})
+    return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
+
+
+def count_cycles(details: pd.DataFrame) -> str:
+    """Smallest and largest number of whole cycles of a trial that were identified; empty without cycles."""
+    counts = details["cycles"].dropna() if "cycles" in details else pd.Series(dtype=float)
+    return " to ".join(
+        dict.fromkeys(f"{count:.0f}" for count in (counts.min(), counts.max()) if counts.size)
+    )
+
+
+def title_setting(settings: Mapping[str, Any], varied: Sequence[str]) -> str:
+    """A setting of a study in a few words: what differs between the settings."""
+    parts = [format_load(settings)] if set(LOAD) & set(varied) else []
+    if "voluntary" in varied:
+        parts.append(f"voluntary {100 * settings['voluntary']:g} %")
+    extent = settings["duration"] / (
+        settings["cycle_duration"] if settings["variation"] == "cycle" else 1.0
+    )
+    parts.append(VARIATIONS[settings["variation"]].format(round(extent, 6)))
+    if settings["variation"] == "cycle" and settings["cycle_jitter"]:
+        parts.append(f"durations ± {100 * settings['cycle_jitter']:g} %")
+    return ", ".join(parts)
+
+
+def typical_points(points: Points, most: int = 4) -> list[str]:
+    """Points that a figure shows: all of a few, else some at equal distances in their list."""
+    names, step = list(points), max(1.0, len(points) / most)
+    return [names[int((number + 0.5) * step)] for number in range(min(most, len(names)))]
+
+
+def compare_with_bound(details: pd.DataFrame, points: Points, method: str) -> pd.DataFrame:
+    r"""Errors of a method beside the smallest ones of estimates without bias, for each setting and parameter.
+
+    The efficiency is the mean square of the bound over all places, over the mean square error over places and trials.
+    That of the mean over the places is likewise; with n trials of normal errors about the truth its 95 % interval is
+    the efficiency times the quantiles of :math:`\chi^2_n / n`.
+    """
+    rows = []
+    for point, part in details[details["method"] == method].groupby("point", sort=False):
+        settings = _simulated(points[str(point)])
+        if settings.get("variation_shape") == "square":
+            continue
+        bound = trajectory_bound(seed=SEED, **settings)
+        dimension = str(next(iter(bound.sizes)))
+        truths = profile_trajectories(settings, dimension, bound[dimension].values)
+        for name in TRAJECTORY_TRUTHS:
+            unit, means = 100.0 / truths[name].mean(), part[f"{name}_bias"].dropna()
+            row = {"point": point, "parameter": name}
+            row["root_error"] = np.sqrt((part[f"{name}_nrmse"] ** 2).mean())
+            row["bound"] = unit * np.sqrt(float((bound[name] ** 2).mean()))
+            row["root_mean_error"] = np.sqrt((means**2).mean())
+            row["mean_bound"] = unit * float(bound[f"{name}_mean"])
+            row["efficiency"] = 100.0 * (row["bound"] / row["root_error"]) ** 2
+            row["mean_efficiency"] = 100.0 * (row["mean_bound"] / row["root_mean_error"]) ** 2
+            ends = stats.chi2.ppf((0.025, 0.975), means.size) / means.size
+            row["mean_low"], row["mean_high"] = row["mean_efficiency"] * ends
+            rows.append(row)
+    return pd.DataFrame(rows)

@@ -1,0 +1,189 @@
+"""The table of the trials of a study: a row for each point, method and trial, in one Parquet file.
+
+The job of a chunk writes its rows with their types; the table of the study is those of all chunks, one below the other.
+Each file holds the hash of the settings that made it.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from pyarrow import dataset, parquet
+
+from ankleloop.errors import DataError
+from ankleloop.joint.regressors import TORQUES
+from ankleloop.methods.registry import METHODS
+from ankleloop.quantities import POINT, QUANTITIES
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.tables.captions import label_setting
+from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_csv
+from ankleloop.trials.reading_process import name_errors
+
+HASH = b"settings"  # key of the hash of the settings that made a file
+REMEDY = "delete it, and run again"
+TYPES = {
+    **dict.fromkeys(
+        ("study", "point", "method", "reference", "intervals", "failure", "warnings"), pa.string()
+    ),
+    **dict.fromkeys(("trial", "order", "passes", "cycles"), pa.int64()),
+    **dict.fromkeys(("converged", "stable"), pa.bool_()),
+}  # of columns that hold no floating-point numbers
+LAST = ("failure", "warnings")
+ENDS = ("_low", "_high")  # of the 95 % interval of a quantity
+ORDER = {name: rank for rank, name in enumerate(QUANTITIES)}
+
+
+def as_table(rows: Sequence[Mapping[str, Any]], types: Mapping[str, pa.DataType]) -> pa.Table:
+    """Rows as a table whose columns have types that no row decides; nan and empty texts are no values.
+
+    `types` are those of the columns with the values of a point.
+    """
+    columns = {}
+    for name in dict.fromkeys([*(name for row in rows for name in row), *LAST]):
+        kind = types.get(name) or TYPES.get(name, pa.float64())
+        values = [row.get(name) for row in rows]
+        columns[name] = pa.array(
+            [None if value == "" else value for value in values], kind, from_pandas=True
+        )
+    return pa.table(columns)
+
+
+def save_table(table: pa.Table, path: PathLike, settings: str) -> None:
+    """Write the table of a job with the hash of the settings that made it."""
+    table = table.replace_schema_metadata({HASH: settings})
+    with atomic_file(path, overwrite=True) as partial:
+        parquet.write_table(table, partial, compression="zstd", write_page_checksum=True)
+
+
+def read_hash(path: PathLike) -> str:
+    """Hash of the settings that made a table; empty where there is none."""
+    return ((_read_schema(path).metadata or {}).get(HASH) or b"").decode()
+
+
+def join_tables(
+    path: PathLike,
+    chunks: Mapping[PathLike, str],
+    rows: int,
+    settings: str,
+    text: PathLike | None = None,
+) -> None:
+    """Join the tables of all chunks, each with the hash that it should have.
+
+    Neither rows nor their order depend on how the trials are divided into chunks.
+    """
+    for chunk, expected in chunks.items():
+        if read_hash(chunk) != expected:
+            raise DataError(f"{chunk}: the table was made with other settings: {REMEDY}.")
+    schema = pa.unify_schemas([_read_schema(chunk).remove_metadata() for chunk in chunks])
+    schema = pa.schema([schema.field(name) for name in _order_columns(schema.names)])
+    table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(
+        use_threads=False
+    )
+    if len(table) != rows:
+        raise DataError(
+            f"{next(iter(chunks))} …: they have {len(table)} of {rows} rows: delete them, and run again."
+        )
+    reasons = set(table["failure"].unique().to_pylist())
+    if None not in reasons:
+        raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
+    save_table(table, path, settings)
+    if text is not None:
+        write_csv(table.to_pandas(integer_object_nulls=True), text, overwrite=True)
+
+
+def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Read the table of the trials of a study.
+
+    Parameters
+    ----------
+    path : path-like
+        Parquet file, `results/tables/STUDY-trials.parquet`.
+    columns : sequence of str, optional
+        Columns to read; by default all of them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each point, method and trial, ordered by condition (points that share their trials), trial, point and
+        method. Text is categorical; counts that some rows lack are floating-point numbers.
+
+    Raises
+    ------
+    DataError
+        If there is no such file, or it is damaged.
+
+    Examples
+    --------
+    >>> read_trial_table("nowhere.parquet")
+    Traceback (most recent call last):
+      ...
+    ankleloop.errors.DataError: nowhere.parquet: there is no such file: check the path.
+    """
+    schema = _read_schema(path)
+    texts = [field.name for field in schema if pa.types.is_string(field.type)]
+    with name_errors(path, "table of trials", REMEDY):
+        options = {"page_checksum_verification": True, "use_threads": False}
+        return parquet.read_table(
+            path, columns=columns, read_dictionary=texts, **options
+        ).to_pandas(use_threads=False)
+
+
+def read_results(path: PathLike) -> pd.DataFrame:
+    """Trials of a study without the intervals of their VAF, by point, method and trial."""
+    table = read_trial_table(path)
+    ranks = [pd.factorize(table[name])[0] for name in ("method", "point")]
+    table = table.iloc[np.lexsort((table["trial"], *ranks))].reset_index(drop=True)
+    table = table.astype(dict.fromkeys(table.select_dtypes("category").columns, object))
+    return table.drop(
+        columns=[name for name in table if name.startswith("vaf_") and name.endswith(ENDS)]
+    )
+
+
+def _read_schema(path: PathLike) -> pa.Schema:
+    check_readable(path)
+    with name_errors(path, "table of trials", REMEDY):
+        return parquet.read_schema(path)
+
+
+def _order_columns(names: Collection[str]) -> list[str]:
+    """Keys, scores, parameters and diagnostics, faults."""
+    varied = [name for name in names if name.startswith(POINT)]
+    first = ["study", "point", *varied, "method", "trial"]
+
+    def place(name: str) -> tuple[bool, int, str]:
+        base = name.removesuffix("_low").removesuffix("_high")
+        return (
+            not name.startswith("vaf_"),
+            ORDER.get(base, len(ORDER)),
+            name.replace("_low", "_ends"),
+        )
+
+    return [*first, *sorted(set(names) - {*first, *LAST}, key=place), *LAST]
+
+
+def default_quantities(columns: Collection[str]) -> list[str]:
+    """Quantities that are shown where the configuration names none: against the true torques where there are any."""
+    scores = [[f"vaf_{torque}_{against}" for against in ("true", "measured")] for torque in TORQUES]
+    first = [next((name for name in names if name in columns), "") for names in scores]
+    return [name for name in first if name] + [
+        f"{name}_error" for name in ("K", "G") if name in columns
+    ]
+
+
+def label_parameter(name: str, labels: Mapping[str, str]) -> str:
+    """Name and unit of a varied setting of the simulation, or option of a method."""
+    if name in SimulationSettings.model_fields:
+        words, unit = label_setting(name)
+    else:
+        method, _, field = name.rpartition(".")
+        words = field.replace("_", " ") + (f" of {labels.get(method, method)}" if method else "")
+        options = [
+            entry.options for entry in METHODS.values() if field in entry.options.model_fields
+        ]
+        unit = options[0].unit(field) if options else "1"
+    return f"{words} [{unit}]"

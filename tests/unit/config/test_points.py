@@ -1,0 +1,186 @@
+"""Points: names, ranges, designs, tables; conditions; what is refused."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ankleloop.config.checking import ConfigError
+from ankleloop.config.points import list_points
+from ankleloop.config.run import check_uses
+from ankleloop.config.settings import MethodSettings
+from ankleloop.config.study import read_studies
+from ankleloop.methods.registry import METHODS
+from ankleloop.simulation.settings import SimulationSettings
+
+
+def methods(**named):
+    """Methods of a study: by name the method, or the method and its options."""
+    settings = {}
+    for name, value in named.items():
+        method, options = value if isinstance(value, tuple) else (value, {})
+        settings[name] = MethodSettings(method=method, options=METHODS[method].options(**options))
+    return settings
+
+
+TWO = methods(pr="pr-moesp", cascade="parallel-cascade")
+
+
+def read(points, named=TWO, **shared):
+    return list_points("mine", points, SimulationSettings(**shared), named)[0]
+
+
+def test_options_vary_beside_settings_and_share_trials():
+    points = read({"reflex_gain": [8, 12], "block_rows": [12, 18]})
+    assert [point.name for point in points] == [
+        f"block_rows={rows},reflex_gain={gain}" for gain in (8.0, 12.0) for rows in (12, 18)
+    ]
+    assert [point.condition for point in points] == ["reflex_gain=8.0"] * 2 + [
+        "reflex_gain=12.0"
+    ] * 2
+    assert points[1].options == {"pr": {"block_rows": 18}}
+    assert points[1].values == {"reflex_gain": 8.0, "block_rows": 18}
+
+
+def test_a_name_is_that_of_a_setting_or_of_an_option_of_every_method_that_has_it():
+    """The names of conditions are the keys of seeds."""
+    three = methods(a="pr-moesp", b="eiv-moesp", c="parallel-cascade")
+    for name, value, options in (
+        ("rank_tolerance", 1e-5, {"a", "b"}),
+        ("order", 3, {"a", "b"}),
+        ("b.order", 3, {"b"}),
+        ("delay", 0.03, set()),
+        ("a.delay", 0.03, {"a"}),
+    ):
+        (point,) = read({name: [value]}, three)
+        assert point.options == {method: {name.rpartition(".")[2]: value} for method in options}
+        assert point.name == f"{name}={value}"
+        assert point.condition == ("only" if options else point.name)
+
+
+def test_points_that_leave_a_parameter_out_have_the_shared_value():
+    points = read([{"reflex_gain": 8}, {"stiffness": 100}, {"pr.block_rows": 12}], stiffness=120.0)
+    assert points[0].values == {"reflex_gain": 8.0, "stiffness": 120.0, "pr.block_rows": 15}
+    assert points[1].values == {"reflex_gain": 13.0, "stiffness": 100.0, "pr.block_rows": 15}
+    assert points[0].name == "reflex_gain=8.0"
+    assert points[0].options == {}
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({"start": 0, "stop": 0.3, "step": 0.1}, [0.0, 0.1, 0.2, 0.3]),
+        ({"start": -0.1, "stop": 0.1, "step": 0.1}, [-0.1, 0.0, 0.1]),
+        ({"start": 10, "stop": 29, "step": 5}, [10.0, 15.0, 20.0, 25.0]),
+        ({"start": 1, "stop": 2, "count": 5}, [1.0, 1.25, 1.5, 1.75, 2.0]),
+        (
+            {"start": 0.01, "stop": 100, "count": 5, "scale": "logarithmic"},
+            [0.01, 0.1, 1.0, 10.0, 100.0],
+        ),
+    ],
+)
+def test_ranges(values, expected):
+    name = "snr_db" if expected[0] < 0 else "reflex_threshold"
+    assert [point.values[name] for point in read({name: values})] == expected
+
+
+DESIGN = {
+    "count": 64,
+    "seed": 1,
+    "parameters": {
+        "reflex_gain": {"start": 2, "stop": 30},
+        "stiffness": {"start": 10, "stop": 1000, "scale": "logarithmic"},
+        "block_rows": {"start": 10, "stop": 13},
+        "perturbation": ["prbs", "pulses"],
+    },
+}
+
+
+@pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
+def test_designs_fill_every_margin_evenly(kind):
+    """Of 64 points each of 64 equal parts of an interval holds one, and each value of a list an equal share."""
+    table = pd.DataFrame([point.values for point in read({"design": kind, **DESIGN})])
+    assert sorted((table["reflex_gain"] - 2) // (28 / 64)) == list(range(64))
+    assert sorted(np.log10(table["stiffness"] / 10) // (2 / 64)) == list(range(64))
+    assert set(table["block_rows"].value_counts()) == {16}
+    assert set(table["perturbation"].value_counts()) == {32}
+
+
+def test_a_table_has_a_row_for_each_point(tmp_path):
+    rows = "reflex_gain,snr_db,closed_loop,pr.basis,block_rows\n8,10,true,rectifier,12\n\n12.5,null,False,null,18\n"
+    (tmp_path / "sweep.csv").write_text(rows)
+    points = read({"table": str(tmp_path / "sweep.csv")})
+    expected = [
+        {
+            "reflex_gain": 8.0,
+            "snr_db": 10.0,
+            "closed_loop": True,
+            "pr.basis": "rectifier",
+            "block_rows": 12,
+        },
+        {
+            "reflex_gain": 12.5,
+            "snr_db": None,
+            "closed_loop": False,
+            "pr.basis": None,
+            "block_rows": 18,
+        },
+    ]
+    assert [point.values for point in points] == expected
+
+
+def test_the_message_about_a_table_names_row_and_column(tmp_path):
+    path = tmp_path / "sweep.csv"
+    for text, message in (
+        (
+            "reflex_gain,voluntary\n8,0\n9,-1\n",
+            r"sweep\.csv, line 3 → .* → voluntary: .*between 0.*got -1",
+        ),
+        (
+            "reflex_gain,block_rows\n8,12\n9,12.5\n",
+            r"sweep\.csv, line 3 → .* → pr → block_rows: .*whole number",
+        ),
+    ):
+        path.write_text(text)
+        with pytest.raises(ConfigError, match=message):
+            read({"table": str(path)})
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (
+            {"pr.order": [2], "order": [3]},
+            r"pr\.order and order are the same option of the method pr",
+        ),
+        ({"prr.order": [2]}, r"'prr\.order' is not a setting .*\(did you mean 'pr\.order'\?\)"),
+        (
+            {"reflex_gain": {"start": 2, "stop": 1, "count": 3}},
+            r"stop must be at least start \(2\), got 1",
+        ),
+        ({"reflex_gain": {"start": 0, "stop": 1, "step": 1e-7}}, "more than 100,000 values"),
+        (
+            {"perturbation": {"start": 0, "stop": 1, "count": 3}},
+            "perturbation: must be a list of values",
+        ),
+        (
+            [{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}],
+            "block_rows=15,reflex_gain=8.0 is listed twice",
+        ),
+        (
+            {"stiffness_table": [[0.8, 1.2]]},
+            "stiffness_table must be a single value or a text with commas",
+        ),
+    ],
+)
+def test_refusals(points, message):
+    with pytest.raises(ConfigError, match=message):
+        read(points)
+
+
+def test_estimates_of_different_rates_are_not_kept(change):
+    config = change(
+        "studies", "table1", "points", value={"pr-moesp.identification_rate": [100, 50]}
+    )
+    study = read_studies(config | {"run": ["table1"]})[1]["table1"]
+    with pytest.raises(ConfigError, match=r"pr-moesp\.identification_rate: .*set keep: scores"):
+        check_uses(study)

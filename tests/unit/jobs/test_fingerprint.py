@@ -1,0 +1,87 @@
+"""Fingerprints follow imports, however they are written, and package data."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ankleloop.jobs import fingerprint as module
+from ankleloop.jobs.fingerprint import fingerprint
+
+ROOT = Path(__file__).parents[3]
+MODULES = {"markdown": "ankleloop.b.y", "code": "ankleloop.a.x"}
+SCRIPTS = ("identify", "recordings", "render", "simulate", "table", "verify")
+
+
+@pytest.fixture
+def library(tmp_path, monkeypatch):
+    """A library of a few modules, and the function that writes one of them."""
+    monkeypatch.setattr(module, "LIBRARY", tmp_path)
+
+    def write(path, text=""):
+        file = tmp_path / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+        return file
+
+    for package in ("", "a/", "b/", "c/"):
+        write(f"ankleloop/{package}__init__.py")
+    return write
+
+
+def changed_by(write, script, path, text="# changed"):
+    """Whether the fingerprint of a script changes with the content of a file."""
+    fingerprints = set()
+    for content in ("# as it was", text):
+        write(path, content)
+        module._parse.cache_clear()
+        module.hash_file.cache_clear()
+        fingerprints.add(fingerprint(script))
+    return len(fingerprints) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import ankleloop.a.x",
+        "import ankleloop.a.x as x, os",
+        "from ankleloop.a import x",
+        "from ankleloop.a.x import name",
+        "from ankleloop.a import (\n    y,\n    x,\n)",
+        "def function():\n    from ankleloop.a.x import name\n",
+        "import ankleloop",
+        "from ankleloop import simulate",
+        "import ankleloop.b.through",
+    ],
+)
+def test_every_form_of_import(library, text):
+    library("ankleloop/b/through.py", "from ankleloop.b import further")
+    library("ankleloop/b/further.py", "import ankleloop.a.x")
+    library("ankleloop/a/x.py")
+    script = library("script.py", text)
+    assert changed_by(library, script, "ankleloop/a/x.py")
+
+
+def test_code_of_notebooks_counts(library):
+    library("ankleloop/a/x.py")
+    library("ankleloop/b/y.py")
+    cells = [{"cell_type": kind, "source": [f"import {name}"]} for kind, name in MODULES.items()]
+    notebook = library("study.ipynb", json.dumps({"cells": cells}))
+    assert changed_by(library, notebook, "ankleloop/a/x.py")
+    assert not changed_by(library, notebook, "ankleloop/b/y.py")
+
+
+def test_scripts_of_the_workflow_reach_what_they_use():
+    def reached(script):
+        paths = module.reached_files(ROOT / "workflow" / "scripts" / f"{script}.py")
+        return {path.relative_to(module.LIBRARY / "ankleloop").as_posix() for path in paths}
+
+    by_script = {script: reached(script) for script in SCRIPTS}
+    assert {script for script in SCRIPTS if "methods/parallel_cascade.py" in by_script[script]} >= {
+        "identify"
+    }
+    assert "methods/riv/riv.py" in by_script["identify"]  # which the registry imports by its name
+    assert "methods/riv/riv.py" not in by_script["simulate"]
+    assert "config/settings.py" not in by_script["simulate"] | by_script["identify"]
+    assert "plotting/sweeps.py" not in by_script["identify"] | by_script["verify"]
+    assert "pages/rendering.py" in by_script["render"] & by_script["recordings"]

@@ -1,0 +1,136 @@
+"""The job of a chunk of recordings: what fails numerically is refused with its reason, the others finish."""
+
+import logging
+import os
+import runpy
+import signal
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ankleloop import save_trial, simulate
+from ankleloop.config.study import read_studies
+from ankleloop.jobs import recordings as job_of_recordings
+
+pytestmark = pytest.mark.usefixtures("coarse_pictures")
+
+SCRIPTS = Path(__file__).parents[3] / "workflow" / "scripts"
+NAMES = ("good", "bad")  # of the recordings of a job
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recordings")
+    for seed, name in enumerate((*NAMES, "after")):
+        save_trial(simulate(seed=seed, duration=20.0), folder / f"{name}.nc")
+    return folder
+
+
+@pytest.fixture
+def run_job(folder, tmp_path, monkeypatch):
+    """Run the script of the rule `recordings` on two recordings; it gives the table and the folder of the pages."""
+
+    def run(*names):
+        settings = {
+            "kind": "recordings",
+            "folder": str(folder),
+            "files": {
+                name: {
+                    "file": name if "." in name else f"{name}.nc",
+                    "subject": "007",
+                    "reference": "reference",
+                }
+                for name in names or NAMES
+            },
+            "methods": {"riv": {"method": "riv"}},
+        }
+        study = read_studies({"studies": {"laboratory": settings}})[1]["laboratory"]
+        job = SimpleNamespace(
+            params=SimpleNamespace(
+                points=study.chunks[0],
+                methods=study.analysed_methods,
+                figure=study.settings.figure.model_dump(),
+                settings=study.hashes[0],
+            ),
+            output=SimpleNamespace(
+                folder=str(tmp_path / "pages"), table=str(tmp_path / "table.parquet")
+            ),
+            log=str(tmp_path / "job.log"),
+            rule="recordings",
+            wildcards={"study": "laboratory", "chunk": "0"},
+        )
+        monkeypatch.syspath_prepend(str(SCRIPTS))
+        handlers, level = logging.root.handlers[:], logging.root.level
+        try:
+            runpy.run_path(str(SCRIPTS / "recordings.py"), init_globals={"snakemake": job})
+        finally:
+            logging.root.handlers[:], logging.root.level = handlers, level
+        return pd.read_parquet(job.output.table), Path(job.output.folder)
+
+    return run
+
+
+def fail_on_bad(function, error):
+    """The function, which at its second call, that for the second recording, raises an error or gets a signal."""
+    calls = []
+
+    def change(*args, **options):
+        calls.append(None)
+        if len(calls) == 2:
+            if isinstance(error, Exception):
+                raise error
+            os.kill(os.getpid(), error)
+        return function(*args, **options)
+
+    return change
+
+
+@pytest.mark.parametrize("name", ["analyse", "draw_figures"])
+def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, name):
+    error = np.linalg.LinAlgError("SVD did not converge")
+    monkeypatch.setattr(
+        job_of_recordings, name, fail_on_bad(getattr(job_of_recordings, name), error)
+    )
+    table, folder = run_job()
+    by_name = table.groupby("recording")["verdict"].first()
+    assert by_name["bad"] == "refused" != by_name["good"]
+    reason = f"it failed numerically ({type(error).__name__}: {error})."
+    assert table.set_index("recording").loc["bad", "reasons"] == reason
+    assert f"bad refused: {reason}" in capsys.readouterr().err
+    assert {path.name for path in folder.iterdir()} == {"good", "good.html", "bad.html"}
+    assert str(error) in (folder / "bad.html").read_text(encoding="utf-8")
+    assert pd.notna(table.set_index("recording").loc["good", "K"])
+    assert (table["subject"] == "007").all()
+
+
+@pytest.fixture
+def no_pages(monkeypatch):
+    """Pages without content, because figures take long."""
+    monkeypatch.setattr(job_of_recordings, "draw_figures", lambda *args, **options: {})
+    monkeypatch.setattr(job_of_recordings, "render_recording_page", lambda *args, **options: "")
+
+
+@pytest.mark.usefixtures("no_pages")
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes cannot be forked safely")
+def test_a_killed_process_stops_the_job(run_job, monkeypatch):
+    """As where memory was short: that is no result, and says nothing of the recording."""
+    monkeypatch.setattr(
+        job_of_recordings, "analyse", fail_on_bad(job_of_recordings.analyse, signal.SIGKILL)
+    )
+    message = r"recording bad, .*bad\.nc: the process of the analysis was killed"
+    with pytest.raises(SystemExit, match=message):
+        run_job("good", "bad", "after")
+
+
+@pytest.mark.usefixtures("no_pages")
+def test_mistakes_in_the_program_stop_the_job(run_job, monkeypatch):
+    change = fail_on_bad(job_of_recordings.analyse, TypeError("no such option"))
+    monkeypatch.setattr(job_of_recordings, "analyse", change)
+    message = r"rule recordings, study laboratory, chunk 0; recording bad, .*bad\.nc: TypeError: no such option"
+    message += r" \(The log"
+    with pytest.raises(SystemExit, match=message):
+        run_job()

@@ -1,0 +1,113 @@
+"""The table of the study on steps of the processing, from results that are made up."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from ankleloop.methods.moesp import describe_omission
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.tables.comparisons import COMPLETE, tabulate_omissions
+
+TRIALS = 6
+POINTS = {
+    "filter": SimulationSettings.defaults(),
+    "no filter": SimulationSettings.defaults() | {"antialias_cutoff": None},
+    "quiet": SimulationSettings.defaults() | {"snr_db": None, "voluntary": 0.0},
+}
+LABELS = {
+    "pr": "PR-MOESP",
+    "pr-without-scaling": "x",
+    "eiv": "EIV-MOESP",
+    "eiv-without-scaling": "y",
+}
+SCORES = {"net": "measured", "intrinsic": "true", "reflex": "true"}
+
+
+@pytest.fixture
+def results():
+    """K and all else at random; the fourth trial of one method fails, and the second has a warning of its own."""
+    rng = np.random.default_rng(1)
+    rows = []
+    for point in POINTS:
+        for method in LABELS:
+            for trial in range(TRIALS):
+                key = {"point": point, "method": method, "trial": trial}
+                if (point, method, trial) == ("filter", "pr-without-scaling", 3):
+                    rows.append(key | {"failure": "no convergence"})
+                    continue
+                warnings = [describe_omission("scaling")] if "without" in method else []
+                if trial == 1 and method == "pr-without-scaling":
+                    warnings.append("unstable")
+                values = dict(
+                    zip(
+                        ["K", "B", "I", "spectral_radius", "pole_error"],
+                        rng.normal(5, 1, 5),
+                        strict=True,
+                    )
+                )
+                values |= {
+                    f"vaf_{torque}_{against}": rng.normal(90, 1)
+                    for torque, against in SCORES.items()
+                }
+                rows.append(key | values | {"warnings": " ".join(warnings) or np.nan})
+    return pd.DataFrame(rows)
+
+
+def values_of(parameters, point, method):
+    rows = parameters[(parameters["point"] == point) & (parameters["method"] == method)]
+    return rows.set_index("trial")["K"].dropna()
+
+
+def test_rows_are_conditions_methods_and_steps(results):
+    table = tabulate_omissions(results, POINTS, LABELS)
+    scaling, filtering = "scaling", "anti-aliasing filter"
+    assert table[["condition", "method", "omitted_step"]].values.tolist() == [
+        *(["with noise", "PR-MOESP", step] for step in (COMPLETE, filtering, scaling)),
+        *(["with noise", "EIV-MOESP", step] for step in (COMPLETE, filtering, scaling)),
+        *(["without noise", "PR-MOESP", step] for step in (COMPLETE, scaling)),
+        *(["without noise", "EIV-MOESP", step] for step in (COMPLETE, scaling)),
+    ]
+    assert table[["trials", "warnings", "failures"]].values.tolist()[:3] == [
+        [6, 0, 0],
+        [6, 0, 0],
+        [6, 1, 1],
+    ]
+
+
+def test_costs_are_of_the_same_trials(results):
+    row = tabulate_omissions(results, POINTS, LABELS).iloc[2]
+    with_step, without = (
+        values_of(results, "filter", name) for name in ("pr", "pr-without-scaling")
+    )
+    assert row["K_mean"] == pytest.approx(without.mean())
+    assert row["K_cost"] == pytest.approx((without - with_step.drop(3)).mean())
+    interval = stats.ttest_rel(without, with_step.drop(3)).confidence_interval(0.95)
+    assert row["K_cost_margin"] == pytest.approx((interval.high - interval.low) / 2)
+    alone = stats.ttest_1samp(without, 0.0).confidence_interval(0.95)
+    assert row["K_margin"] == pytest.approx((alone.high - alone.low) / 2)
+    vaf = results.query("point == 'filter' and method == 'pr-without-scaling'")["vaf_reflex_true"]
+    assert row["vaf_reflex_true_mean"] == pytest.approx(vaf.mean())
+
+
+def test_the_filter_is_compared_between_other_trials(results):
+    table = tabulate_omissions(results, POINTS, LABELS)
+    complete, row = table.iloc[0], table.iloc[1]
+    assert row["K_mean"] == pytest.approx(values_of(results, "no filter", "pr").mean())
+    assert row["K_cost"] == pytest.approx(row["K_mean"] - complete["K_mean"])
+    assert row["K_cost_margin"] == pytest.approx(np.hypot(row["K_margin"], complete["K_margin"]))
+    assert (complete["K_cost"], complete["K_cost_margin"]) == (0.0, 0.0)
+
+
+def test_two_conditions_with_the_same_words_are_both_shown(results):
+    """They differ in another setting: the name of the point tells them apart, and each has its own filter."""
+    other = {"filter, light": POINTS["filter"] | {"load_inertia": 0.5}}
+    other["no filter, light"] = other["filter, light"] | {"antialias_cutoff": None}
+    more = results.assign(point=results["point"] + ", light", K=results["K"] + 40.0)
+    more = more[more["point"].isin(other)]
+    table = tabulate_omissions(pd.concat([results, more]), POINTS | other, LABELS)
+    conditions = ["with noise, filter", "without noise", "with noise, filter, light"]
+    assert table["condition"].unique().tolist() == conditions
+    light = table[table["condition"] == conditions[-1]]
+    assert (light["K_mean"] > 30.0).all()
+    assert light.loc[light["omitted_step"] == "anti-aliasing filter", "K_cost"].abs().max() < 10.0

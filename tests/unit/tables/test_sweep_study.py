@@ -1,0 +1,159 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, write_trials
+
+from ankleloop.errors import DataError
+from ankleloop.tables.sweeps import SweepStudy, describe_design, draw_map, draw_sweep, list_extremes
+
+NOTEBOOK = Path(__file__).parents[3] / "notebooks" / "sweep.ipynb"
+POINTS = grid(reflex_gain=[5.0, 10.0, 20.0], voluntary=[0.0, 0.5])
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Write a table of trials and read it as a sweep."""
+
+    def read(table, varied, **options):
+        path = write_trials(tmp_path / "s-trials.parquet", table)
+        return SweepStudy.read(path, varied, LABELS, sweep_options(**options), SETTINGS)
+
+    return read
+
+
+@pytest.fixture
+def sweep(read):
+    table = make_trials(
+        POINTS, fail=lambda row: row["point.voluntary"] == 0.5 and row["trial"] == 0
+    )
+    return read(table, ["reflex_gain", "voluntary"], difference=["riv", "moesp"])
+
+
+def test_quantities_without_a_value_are_named_and_left_out(read):
+    table = make_trials(POINTS).assign(zeta=np.nan)
+    sweep = read(table, ["reflex_gain", "voluntary"], quantities=["K", "zeta", "passes"])
+    assert (sweep.quantities, sweep.absent) == (["K"], ["zeta", "passes"])
+    assert "No method of this study gives ζ, passes." in describe_design(sweep)
+    with pytest.raises(DataError, match="no method has a value of zeta"):
+        read(table, ["reflex_gain", "voluntary"], quantities=["zeta"])
+
+
+def test_axes_choose_the_picture(read):
+    table = make_trials(
+        grid(reflex_gain=[5.0, 10.0], voluntary=[0.0, 0.5], block_rows=[10, 12]), trials=2
+    )
+    varied = ["reflex_gain", "voluntary", "block_rows"]
+    figure, _ = draw_sweep(read(table, varied))
+    assert len([axis for axis in figure.axes if axis.get_visible()]) == 5 * 3
+    figure, caption = draw_sweep(read(table, varied, axes=["voluntary"], quantities=["K"]))
+    assert figure.axes[0].get_xlabel() == "relative voluntary torque [1]"
+    assert (
+        "relative voluntary torque; each is over all values of reflex gain, block rows; bands are"
+        in caption
+    )
+    figure, _ = draw_map(read(table, varied, quantities=["K"]))
+    assert [axis.get_title() for axis in figure.axes if axis.get_title()] == list(LABELS.values())
+
+
+def test_only_a_relevant_share_of_faults_is_marked(sweep):
+    counts = {
+        "trials": [100, 100, 20, 5, 5],
+        "failures": [4, 5, 0, 5, 0],
+        "warnings": [0, 0, 1, 0, 0],
+    }
+    rows = sweep.label_rows(
+        pd.DataFrame(counts).assign(quantity="K_error", method="riv", mean=1.0, margin=0.0)
+    )
+    assert rows["marked"].tolist() == [False, True, True, False, False]
+    assert rows["failed"].tolist() == [False, False, False, True, False]
+
+
+def test_maps_of_random_designs_are_over_bins(read):
+    rng = np.random.default_rng(1)
+    points = [
+        {"reflex_gain": gain, "voluntary": noise} for gain, noise in rng.uniform(0.1, 9.0, (60, 2))
+    ]
+    figure, _ = draw_map(
+        read(make_trials(points, trials=1), ["reflex_gain", "voluntary"], quantities=["K"])
+    )
+    assert figure.axes[0].images[0].get_array().shape == (10, 10)
+
+
+def test_extremes_are_the_ends_of_the_means(sweep):
+    table = list_extremes(sweep, sweep.summarise())
+    rows = table[
+        (table["quantity"] == "net VAF, true [%]") & (table["method"] == "PR-MOESP")
+    ].set_index("rank")
+    means = (
+        sweep.trials[sweep.trials["method"] == "moesp"]
+        .groupby(["point.reflex_gain", "point.voluntary"])["vaf_net_true"]
+        .mean()
+    )
+    for rank, place in (("best", means.idxmax()), ("worst", means.idxmin())):
+        shown = rows.loc[rank, ["reflex gain [N·m·s/rad]", "relative voluntary torque"]]
+        assert tuple(map(float, shown)) == place
+    assert rows.loc["worst", "failures"] == "1"
+    assert len(table) == 5 * 2 * 2
+
+
+def test_error_with_the_smallest_root_mean_square_is_the_best(read):
+    table = make_trials(grid(voluntary=[0.1, 0.2]), trials=2)
+    table["K"] = np.where(
+        table["point.voluntary"] == 0.1, np.where(table["trial"] == 0, 100.0, 200.0), 153.0
+    )
+    sweep = read(table, ["voluntary"], quantities=["K_error"])
+    best = (
+        list_extremes(sweep, sweep.summarise())
+        .set_index(["method", "rank"])
+        .loc[("PR-MOESP", "best")]
+    )
+    assert (
+        best["relative voluntary torque"] == "0.2"
+    )  # a bias of 2 %, against none with a spread of 33 %
+
+
+def run_notebook(**study):
+    """Run the code of the notebook with a study in place of its own."""
+    cells = [
+        cell
+        for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+        if cell["cell_type"] == "code"
+    ]
+    names = {}
+    for cell in cells:
+        exec("".join(cell["source"]), names)
+        if "parameters" in cell["metadata"].get("tags", ()):
+            names["study"] = study
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_notebook_runs_on_the_table_alone(tmp_path, count):
+    values = {"reflex_gain": [5.0, 10.0], "voluntary": [0.0, 0.5], "block_rows": [10, 12]}
+    varied = list(values)[:count]
+    table = make_trials(grid(**{name: values[name] for name in varied}), trials=2)
+    run_notebook(
+        study="s",
+        kind="simulation",
+        title="A sweep",
+        algorithms={},
+        points={},
+        figure={},
+        published="",
+        table_file=str(write_trials(tmp_path / "s-trials.parquet", table)),
+        labels=LABELS,
+        varied=varied,
+        settings=SETTINGS,
+        sweep=sweep_options(quantities=["vaf_net_true"], difference=["riv", "moesp"]),
+        table_stem=str(tmp_path / "s"),
+        figure_stem=str(tmp_path / "s"),
+    )
+    written = {path.name for path in tmp_path.iterdir()}
+    names = ("sweep", "map") if count == 3 else ("sweep",)
+    figures = {f"s-{name}.{suffix}" for name in names for suffix in ("png", "pdf", "csv")}
+    assert written == {"s-trials.parquet", "s.csv", "s.md", *figures}
+    lines = (tmp_path / "s.csv").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 1 + 2**count * 3  # points, methods and their difference
+    assert "net VAF, true [%]" in (tmp_path / "s.md").read_text(encoding="utf-8")
