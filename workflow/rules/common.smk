@@ -6,7 +6,7 @@ from base64 import urlsafe_b64encode
 from ankleloop.errors import DataError
 from ankleloop.tables.trial_tables import read_hash
 from ankleloop.config.checking import ConfigError
-from ankleloop.config.settings import NOTEBOOKS
+from ankleloop.config.notebooks import list_figures, read_notebooks
 from ankleloop.jobs.fingerprint import fingerprint
 from ankleloop.config.run import (
     article_parameters,
@@ -23,8 +23,11 @@ MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too
 os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(2**30))
 os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**31))
 
+NOTEBOOKS = read_notebooks(ROOT / "notebooks" / "notebooks.yaml")
 try:
-    CONFIG, STUDIES = read_run(config, CONFIG_FILES, workflow.config_settings.config)
+    CONFIG, STUDIES = read_run(
+        config, CONFIG_FILES, workflow.config_settings.config, NOTEBOOKS
+    )
 except ConfigError as error:
     # Without the traceback that Snakemake would show.
     sys.exit(f"Configuration: {error}")
@@ -63,7 +66,13 @@ SMALL = {name for name, study in SIMULATED.items() if study.rows <= MOST_TEXT_RO
 wildcard_constraints:
     study=alternatives(STUDIES),
     chunk=r"\d+",
-    figure=alternatives({name for book in NOTEBOOKS.values() for name in book.figures}),
+    figure=alternatives(
+        {
+            name
+            for book in NOTEBOOKS.values()
+            for name in [*book.figures, *book.conditional]
+        }
+    ),
 
 
 def library(*paths):
@@ -90,8 +99,17 @@ def title_of(wildcards):
 
 
 def notebook_of(wildcards):
-    """Notebook that renders a study."""
+    """Notebook that renders a study, as the list of notebooks describes it."""
+    return NOTEBOOKS[study_of(wildcards).settings.notebook]
+
+
+def notebook_file(wildcards):
     return f"notebooks/{study_of(wildcards).settings.notebook}.ipynb"
+
+
+def captions_of(study):
+    """Captions of the figures of a study by name."""
+    return list_figures(study, NOTEBOOKS.get(study.settings.notebook))
 
 
 def chunk_files(kind, study):
@@ -130,9 +148,8 @@ def tables_of(wildcards):
 
 def trials_of(wildcards):
     """Trial files that the notebook of a study reads."""
-    study = study_of(wildcards)
-    none = study.settings.notebook in ("sweep", "recordings")
-    return [] if none else trial_files(study)
+    is_read = "trials" in notebook_of(wildcards).reads
+    return trial_files(study_of(wildcards)) if is_read else []
 
 
 def estimates_of(wildcards):
@@ -140,13 +157,13 @@ def estimates_of(wildcards):
     study = study_of(wildcards)
     if isinstance(study, RecordedStudy):
         return f"results/reports/{study.name}"
-    none = study.settings.notebook == "sweep" or study.settings.keep == "scores"
-    return [] if none else chunk_files("estimates", study)
+    is_read = "estimates" in notebook_of(wildcards).reads
+    return chunk_files("estimates", study) if is_read else []
 
 
 def figure_files(study):
     """Figures of a study, as PNG."""
-    return [f"results/figures/{study.name}-{name}.png" for name in study.figures]
+    return [f"results/figures/{study.name}-{name}.png" for name in captions_of(study)]
 
 
 def article_files(study, folder):
@@ -155,7 +172,10 @@ def article_files(study, folder):
         "table_file": folder + table_file(study),
         "table": f"{folder}results/tables/{study.name}.csv",
         "report": f"{folder}results/reports/{study.name}.html",
-        "figures": [folder + path for path in figure_files(study)],
+        "figures": {
+            name: f"{folder}results/figures/{study.name}-{name}.png"
+            for name in captions_of(study)
+        },
     }
 
 

@@ -4,7 +4,7 @@ rule report:
         trials=trials_of,
         estimates=estimates_of,
         tables=tables_of,
-        notebook=lambda wildcards: repository_file(notebook_of(wildcards)),
+        notebook=lambda wildcards: repository_file(notebook_file(wildcards)),
         published=PUBLISHED,
     output:
         page=report(
@@ -30,15 +30,16 @@ rule report:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        notebook=lambda w: study_of(w).settings.notebook,
+        caption=lambda w: notebook_of(w).shows,
         parameters=lambda wildcards, input, output: report_parameters(
             study_of(wildcards),
+            notebook_of(wildcards),
             input,
             published=str(ROOT / "data" / "published"),
             table_stem=os.path.splitext(output.table)[0],
             figure_stem=f"{output.figures}/{wildcards.study}",
         ),
-        library=lambda w: library("workflow/scripts/render.py", notebook_of(w)),
+        library=lambda w: library("workflow/scripts/render.py", notebook_file(w)),
     script:
         "../scripts/render.py"
 
@@ -62,7 +63,7 @@ rule figure:
         "../envs/ankleloop.yaml"
     threads: 1
     params:
-        notebook=lambda w: study_of(w).settings.notebook,
+        caption=lambda w: captions_of(study_of(w))[w.figure],
         stem=lambda wildcards, input: f"{input.folder}/{wildcards.study}-{wildcards.figure}",
     shell:
         "(cp {params.stem}.png {output.png} && cp {params.stem}.pdf {output.pdf} && cp {params.stem}.csv {output.csv}) > {log} 2>&1"

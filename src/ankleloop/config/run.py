@@ -7,20 +7,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ankleloop.config.checking import ConfigError, find_key, key_error
+from ankleloop.config.notebooks import Notebook, find_needs, list_figures, read_notebooks
 from ankleloop.config.points import SIMULATION
-from ankleloop.config.settings import NOTEBOOKS, Config
+from ankleloop.config.settings import Config
 from ankleloop.config.study import RecordedStudy, SimulatedStudy, Study, read_studies
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import decimation_grid
-from ankleloop.quantities import SETTINGS
+from ankleloop.options import suggest_name
 
 
 def read_run(
     config: Mapping[str, Any],
     paths: Sequence[str | os.PathLike[str]],
     command_line: Mapping[str, Any] | None = None,
+    notebooks: Mapping[str, Notebook] | None = None,
 ) -> tuple[Config, dict[str, Study]]:
-    """Read the configuration of a run, and refuse what a job would refuse."""
+    """Read the configuration of a run, and refuse what a job would refuse; by default with the notebooks of here."""
+    notebooks = read_notebooks() if notebooks is None else notebooks
     try:
         checked, studies = read_studies(config)
         for study in map(studies.__getitem__, checked.run_names):
@@ -28,6 +31,7 @@ def read_run(
                 study.check_files()
             elif isinstance(study, SimulatedStudy):
                 check_uses(study)
+            check_notebook(study, notebooks)
     except ConfigError as error:
         paths = [min(os.path.relpath(path), os.path.abspath(path), key=len) for path in paths]
         is_given = error.keys and error.keys[0] in (command_line or {})
@@ -61,8 +65,23 @@ def check_uses(study: SimulatedStudy) -> None:
             settings.sweep.check(study.varied, study.methods)
         except ValueError as error:
             raise key_error((*place, "sweep"), f"{error}.") from None
-    if need := find_need(study):
-        raise key_error((*place, "notebook"), f"{settings.notebook} needs {need}.")
+
+
+def check_notebook(study: Study, notebooks: Mapping[str, Notebook]) -> None:
+    """Refuse a notebook that there is not, or that lacks something in the study."""
+    name, kind = study.settings.notebook, study.settings.kind
+    place = ("studies", study.name, "notebook")
+    if name is None:
+        return
+    known = [other for other, notebook in notebooks.items() if notebook.kind == kind]
+    if name not in known:
+        fault = f"there is no notebook {name!r} for {kind}{suggest_name(name, known)}"
+        raise key_error(place, f"{fault}; there are {', '.join(known)}.")
+    if isinstance(study, SimulatedStudy):
+        lacks = find_needs(study)
+        for need in notebooks[name].needs:
+            if lacks[need]:
+                raise key_error(place, f"{name} needs {lacks[need]}.")
 
 
 def _check_methods(study: SimulatedStudy) -> None:
@@ -74,12 +93,7 @@ def _check_methods(study: SimulatedStudy) -> None:
         )
         for name, method in study.methods.items():
             options = {**method.fixed_options, **point.options.get(name, {})}
-            rows, order = options.get("block_rows"), options.get("order") or 1
-            fault = (
-                f"block_rows must be larger than the order ({order}), got {rows}."
-                if rows and rows <= order
-                else ""
-            )
+            fault = ""
             if "identification_rate" in options:
                 delay = options.get("delay") or 0.0
                 try:
@@ -99,77 +113,8 @@ def _check_methods(study: SimulatedStudy) -> None:
             raise key_error((*place, "points", column), message)
 
 
-def find_need(study: SimulatedStudy) -> str:
-    """What the notebook of a study needs and the study lacks; empty where it has everything."""
-    keep, varied, methods = study.settings.keep, study.varied, study.methods
-    names = ", ".join(varied) or "none"
-    options = [
-        name for name, parameter in study.parameters.items() if SIMULATION not in parameter.owners
-    ]
-    axis = next(
-        (name for name in varied if name != "closed_loop"), ""
-    )  # the loops have curves of their own
-    numbers = axis and all(
-        isinstance(settings[axis], (int, float)) for settings in study.points.values()
-    )
-    used = [method.method for method in methods.values()]
-    searches = any(
-        m.method == "riv" and m.fixed_options.get("delay", 0.0) is None for m in methods.values()
-    )
-    has_stop_rule = any(name.startswith("parallel-cascade") for name in methods)
-    needs = {
-        "trials": (
-            keep == "everything",
-            f"trials on disk, which keep: {keep} leaves out: set keep: everything",
-        ),
-        "estimates": (
-            keep != "scores",
-            "estimates on disk, which keep: scores leaves out: keep estimates",
-        ),
-        "one setting": (
-            len(varied) == 1,
-            f"one setting that differs between the points, got {names}",
-        ),
-        "two settings": (len(varied) > 1, f"two settings or more that differ, got {names}"),
-        "settings": (
-            not options,
-            f"points that differ in settings of the simulation alone, got {', '.join(options)}",
-        ),
-        "numbers": (
-            numbers,
-            f"a setting beside closed_loop that differs, with numbers as values, got {names}",
-        ),
-        "truths": (
-            not study.settings.against,
-            "scores against the true torques: leave out against: measured",
-        ),
-        "shared truths": (
-            not set(varied) & {SETTINGS[name] for name in ("K", "B", "I", "G")},
-            f"points with the same stiffness, viscosity, inertia and reflex gain, got {names}",
-        ),
-        "real-time": (used == ["real-time"], f"one method, real-time, got {', '.join(used)}"),
-        "cascade": ("parallel-cascade" in used, "a method parallel-cascade"),
-        "stop rule": (
-            has_stop_rule,
-            "a method whose name begins with parallel-cascade, for its stop rule",
-        ),
-        "delay": (
-            searches,
-            "a method riv with the option delay: null, whose delay has an interval",
-        ),
-        "select": (all(method.select for method in methods.values()), "select for every method"),
-        "variation": (
-            all(p["variation"] for p in study.points.values()),
-            "variation (of K, B and G) at every point",
-        ),
-        "trajectories": ("riv-tv" in used, "a method riv-tv, for its trajectories"),
-    }
-    needed = NOTEBOOKS[study.settings.notebook].needs if study.settings.notebook else ()
-    return next((needs[name][1] for name in needed if not needs[name][0]), "")
-
-
 def report_parameters(
-    study: Study, files: Mapping[str, Iterable[str]], **places: str
+    study: Study, notebook: Notebook, files: Mapping[str, Iterable[str]], **places: str
 ) -> dict[str, Any]:
     """Parameters of the notebook of a study: what `ankleloop.pages.study_page.StudyPage` holds.
 
@@ -183,9 +128,8 @@ def report_parameters(
         "labels": study.labels,  # of the methods
         # Of each method its name in the registry.
         "algorithms": {name: method.method for name, method in study.methods.items()},
-        "points": study.points
-        if NOTEBOOKS[settings.notebook].needs
-        else {},  # the others read tables alone
+        "points": study.points if "points" in notebook.reads else {},
+        "figures": list(list_figures(study, notebook)),  # that it may draw
         "varied": list(study.varied),  # settings that differ between points
         "figure": settings.figure.model_dump(),  # what figures of single trials show
         # A file of trials and one of estimates for each chunk of points; one table of all trials, or of recordings one

@@ -9,7 +9,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, Union
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 
 from pydantic import (
     Field,
@@ -33,37 +33,6 @@ from ankleloop.simulation.settings import SimulationSettings
 
 SCHEMA = Path("workflow/schemas/config.schema.json")
 
-
-class Notebook(NamedTuple):
-    """A notebook that renders studies."""
-
-    figures: tuple[str, ...]  # that it draws beside its page and its table
-    needs: tuple[str, ...] = ()  # of its study, see `config.run.find_need`
-
-
-# Captions and axes of most of them know settings alone, and no options.
-NOTEBOOKS = {
-    "table1": Notebook(("figure3", "order"), ("trials", "settings")),
-    "figure4": Notebook(
-        ("figure4", "passes"), ("one setting", "settings", "numbers", "truths", "cascade")
-    ),
-    "passes": Notebook(("passes",), ("one setting", "settings", "numbers", "cascade")),
-    "table2": Notebook(("figure5",), ("trials", "settings")),
-    "comparison": Notebook(("stiffness", "vaf"), ("estimates", "settings", "numbers")),
-    "traces": Notebook(
-        ("traces",), ("estimates", "settings", "real-time", "truths", "shared truths")
-    ),
-    "sensitivity": Notebook(("map",), ("two settings", "settings", "truths", "stop rule")),
-    "efficiency": Notebook(("efficiency",), ("settings", "truths", "delay")),
-    "choosing": Notebook(("choosing",), ("one setting", "settings", "numbers", "truths", "select")),
-    "obstacles": Notebook(("obstacles",), ("truths",)),
-    "time-varying": Notebook(
-        ("errors", "trajectories"), ("estimates", "truths", "variation", "trajectories")
-    ),
-    "design": Notebook(("design",), ("settings", "truths")),
-    "sweep": Notebook(("sweep",)),
-    "recordings": Notebook(("group",)),
-}
 
 Name = Annotated[
     str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)
@@ -171,10 +140,8 @@ def _check_method(value: Any, check_built_in: Callable[[Any], Any]) -> Any:
 
 if TYPE_CHECKING:
     Methods = dict[str, MethodSettings]
-    SimulationNotebook = str
 else:
     Methods = dict[Name, _union_of_methods()]
-    SimulationNotebook = Literal[tuple(name for name in NOTEBOOKS if name != "recordings")]
 # They are checked by `config.points`, whose messages name the point.
 Points = Annotated[Any, WithJsonSchema({"type": ["object", "array"]})]
 
@@ -253,9 +220,7 @@ class SimulationStudy(_StudySettings):
     """A study of simulated trials."""
 
     kind: Literal["simulation"] = option(description="source of the trials")
-    notebook: SimulationNotebook | None = option(
-        "table1", "notebook that renders the study; null for none"
-    )
+    notebook: Name | None = option("table1", "notebook that renders the study; null for none")
     trials: int = option(20, "simulated trials at each point", ge=1, le=100000)
     seed: int = option(
         description="seed of the study, from which every trial has a stream of its own", ge=0
@@ -302,9 +267,7 @@ class RecordingsStudy(_StudySettings):
     """A study of recordings of a laboratory."""
 
     kind: Literal["recordings"] = option(description="source of the trials")
-    notebook: Literal["recordings"] | None = option(
-        "recordings", "notebook that renders the study; null for none"
-    )
+    notebook: Name | None = option("recordings", "notebook that renders the study; null for none")
     folder: str = option(".", "folder of the files; ${NAME} stands for an environment variable")
     files: dict[RecordingName, Recording] = option(
         description="recordings by name; the name appears in the paths of the results",

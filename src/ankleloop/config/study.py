@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from ankleloop.config.checking import check, check_cases, expand_path, key_error
 from ankleloop.config.points import Point, list_points
 from ankleloop.config.recording_settings import read_recordings
-from ankleloop.config.settings import NOTEBOOKS, Config, RecordingsStudy, SimulationStudy
+from ankleloop.config.settings import Config, RecordingsStudy, SimulationStudy
 
 MAX_SAMPLES = 2**25  # of all trials of a trial file, about, which then has 2 GB
 ROUNDING = 1e-9  # of a sum of shares
@@ -50,11 +50,6 @@ class Study:
         self.labels = {
             name: method.label or name for name, method in self.methods.items()
         }  # for legends
-        names = NOTEBOOKS[settings.notebook].figures if settings.notebook else ()
-        has_singular_values = any(
-            method.method.endswith("moesp") for method in self.methods.values()
-        )
-        self.figures = tuple(name for name in names if name != "order" or has_singular_values)
 
 
 class SimulatedStudy(Study):

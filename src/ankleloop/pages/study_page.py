@@ -77,9 +77,18 @@ class StudyPage(SimpleNamespace):
         self, figure: Figure, name: str, caption: str, note: str = "", *, width: int = 980
     ) -> None:
         """Save a figure, and show it with its caption; settings, warnings and a note are folded below."""
+        self.check_figure(name)
         save_figure(figure, f"{self.figure_stem}-{name}", overwrite=True)
         show_picture(f"{self.figure_stem}-{name}.png", caption, width)
         display(self.fold(note))
+
+    def check_figure(self, name: str) -> None:
+        """Refuse a figure that the list of notebooks does not have: nobody would find it among the results."""
+        if name not in self.figures:
+            listed = ", ".join(self.figures)
+            raise ValueError(
+                f"the figure {name!r} is not in notebooks/notebooks.yaml, which has {listed}."
+            )
 
     def show_table(
         self, cells: pd.DataFrame, caption: str, note: str = "", table: pd.DataFrame | None = None

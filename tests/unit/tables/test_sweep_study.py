@@ -140,6 +140,7 @@ def test_notebook_runs_on_the_table_alone(tmp_path, count):
         title="A sweep",
         algorithms={},
         points={},
+        figures=["sweep", "map"],
         figure={},
         published="",
         table_file=str(write_trials(tmp_path / "s-trials.parquet", table)),

@@ -11,9 +11,11 @@ import pytest
 import yaml
 from study_jobs import run_jobs
 
+from ankleloop.config.notebooks import read_notebooks
 from ankleloop.config.run import report_parameters
 from ankleloop.config.study import read_studies
 
+NOTEBOOKS = read_notebooks()
 ROOT = Path(__file__).parents[3]
 # Points in the place of those of the configuration; fewer and shorter ones.
 SMALL = {
@@ -40,7 +42,11 @@ def run_notebook(tmp_path):
             "figure_stem": str(tmp_path / f"figure-{name}"),
         }
         parameters = report_parameters(
-            study, files, published=str(ROOT / "data" / "published"), **stems
+            study,
+            NOTEBOOKS["time-varying"],
+            files,
+            published=str(ROOT / "data" / "published"),
+            **stems,
         )
         return run_cells(parameters), pd.read_csv(tmp_path / f"{name}.csv"), tmp_path
 

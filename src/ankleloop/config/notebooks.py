@@ -1,0 +1,152 @@
+"""The notebooks that render studies, from the list beside them, and what a notebook needs of a study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import yaml
+
+from ankleloop.config.checking import PathLike, check
+from ankleloop.config.points import SIMULATION
+from ankleloop.config.study import SimulatedStudy, Study
+from ankleloop.options import Options, option
+from ankleloop.quantities import SETTINGS
+
+# Of the repository in which the library lies; an installed library has none.
+LIST = Path(__file__).parents[3] / "notebooks" / "notebooks.yaml"
+
+Need = Literal[
+    "trials",
+    "estimates",
+    "one setting",
+    "two settings",
+    "settings",
+    "numbers",
+    "truths",
+    "shared truths",
+    "real-time",
+    "cascade",
+    "stop rule",
+    "delay",
+    "select",
+    "variation",
+    "trajectories",
+]
+
+
+class ConditionalFigure(Options):
+    """A figure that is drawn where a study has what it shows."""
+
+    caption: str = option(description="what it shows")
+    has: Literal["singular values", "three parameters"] = option(description="what a study has")
+
+
+class Notebook(Options):
+    """A notebook that renders studies."""
+
+    kind: Literal["simulation", "recordings"] = option("simulation", "kind of its studies")
+    shows: str = option(description="what its page and its table show")
+    figures: dict[str, str] = option(description="captions of its figures by their names")
+    conditional: dict[str, ConditionalFigure] = option(
+        {}, "figures that are drawn where a study has what they show"
+    )
+    reads: list[Literal["trials", "estimates", "points"]] = option(
+        [], "what it reads beside the table of all trials"
+    )
+    needs: list[Need] = option([], "what a study must have, see `find_needs`")
+
+
+def read_notebooks(path: PathLike = LIST) -> dict[str, Notebook]:
+    """The notebooks of a list; none where there is no list."""
+    if not Path(path).exists():
+        return {}
+    entries = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    return {name: check(Notebook, entry, str(path), name) for name, entry in entries.items()}
+
+
+def list_figures(study: Study, notebook: Notebook | None) -> dict[str, str]:
+    """Captions of the figures that a notebook draws of a study, by name."""
+    if notebook is None:
+        return {}
+    names = [method.method for method in study.methods.values()]
+    axes = getattr(study.settings, "sweep", None)
+    varied = (axes.axes if axes else None) or study.varied
+    has = {
+        "singular values": any(name.endswith("moesp") for name in names),
+        "three parameters": len(varied) > 2,
+    }
+    more = {name: part.caption for name, part in notebook.conditional.items() if has[part.has]}
+    return {**notebook.figures, **more}
+
+
+def find_needs(study: SimulatedStudy) -> dict[str, str]:
+    """What the study lacks of each need that a notebook may have, in words; empty where it has it."""
+    keep = study.settings.keep
+    varied = study.varied
+    methods = study.methods
+    points = study.points.values()
+    algorithms = [method.method for method in methods.values()]
+    names = ", ".join(varied) or "none"
+    options = [
+        name for name, parameter in study.parameters.items() if SIMULATION not in parameter.owners
+    ]
+    # The loops have curves of their own.
+    axis = next((name for name in varied if name != "closed_loop"), "")
+    has_numbers = axis and all(isinstance(settings[axis], (int, float)) for settings in points)
+    truths = {SETTINGS[name] for name in ("K", "B", "I", "G")}
+    searches_delay = any(
+        method.method == "riv" and method.fixed_options.get("delay", 0.0) is None
+        for method in methods.values()
+    )
+    needs: dict[str, tuple[object, str]] = {
+        "trials": (
+            keep == "everything",
+            f"trials on disk, which keep: {keep} leaves out: set keep: everything",
+        ),
+        "estimates": (
+            keep != "scores",
+            "estimates on disk, which keep: scores leaves out: keep estimates",
+        ),
+        "one setting": (
+            len(varied) == 1,
+            f"one setting that differs between the points, got {names}",
+        ),
+        "two settings": (len(varied) > 1, f"two settings or more that differ, got {names}"),
+        "settings": (
+            not options,
+            f"points that differ in settings of the simulation alone, got {', '.join(options)}",
+        ),
+        "numbers": (
+            has_numbers,
+            f"a setting beside closed_loop that differs, with numbers as values, got {names}",
+        ),
+        "truths": (
+            not study.settings.against,
+            "scores against the true torques: leave out against: measured",
+        ),
+        "shared truths": (
+            not truths & set(varied),
+            f"points with the same stiffness, viscosity, inertia and reflex gain, got {names}",
+        ),
+        "real-time": (
+            algorithms == ["real-time"],
+            f"one method, real-time, got {', '.join(algorithms)}",
+        ),
+        "cascade": ("parallel-cascade" in algorithms, "a method parallel-cascade"),
+        "stop rule": (
+            any(name.startswith("parallel-cascade") for name in methods),
+            "a method whose name begins with parallel-cascade, for its stop rule",
+        ),
+        "delay": (
+            searches_delay,
+            "a method riv with the option delay: null, whose delay has an interval",
+        ),
+        "select": (all(method.select for method in methods.values()), "select for every method"),
+        "variation": (
+            all(settings["variation"] for settings in points),
+            "variation (of K, B and G) at every point",
+        ),
+        "trajectories": ("riv-tv" in algorithms, "a method riv-tv, for its trajectories"),
+    }
+    return {name: "" if has_it else words for name, (has_it, words) in needs.items()}

@@ -1,0 +1,61 @@
+"""The list of notebooks: it has every notebook of studies, and each is refused what it cannot show."""
+
+from pathlib import Path
+
+import pytest
+
+from ankleloop.config.checking import ConfigError
+from ankleloop.config.notebooks import LIST, list_figures, read_notebooks
+from ankleloop.config.run import read_run
+from ankleloop.pages.study_page import StudyPage
+
+NOTEBOOKS = read_notebooks()
+ALONE = {"article", "explore", "walkthrough"}  # they render no study
+
+
+def read(**settings):
+    study = {"kind": "simulation", "seed": 1, "trials": 2, "notebook": "sweep"}
+    study |= {"points": {"voluntary": [0.1, 0.5]}, "methods": {"riv": {"method": "riv"}}}
+    return read_run({"studies": {"s": study | settings}}, [])[1]["s"]
+
+
+def test_the_list_has_every_notebook_of_studies():
+    stems = {path.stem for path in LIST.parent.glob("*.ipynb")}
+    assert set(NOTEBOOKS) == stems - ALONE
+    assert all(notebook.figures for notebook in NOTEBOOKS.values())
+
+
+def test_unknown_notebooks_and_those_of_other_studies_are_refused():
+    with pytest.raises(
+        ConfigError, match=r"no notebook 'sweeps' for simulation \(did you mean 'sweep'"
+    ):
+        read(notebook="sweeps")
+    with pytest.raises(ConfigError, match="no notebook 'recordings' for simulation"):
+        read(notebook="recordings")
+    read(notebook=None)
+
+
+def test_a_figure_is_listed_where_a_study_has_what_it_shows():
+    points = {"voluntary": [0.1, 0.5], "reflex_gain": [5.0, 9.0], "zeta": [0.7, 1.0]}
+    figures = [list_figures(study, NOTEBOOKS["sweep"]) for study in (read(), read(points=points))]
+    assert [list(captions) for captions in figures] == [["sweep"], ["sweep", "map"]]
+    moesp = {"methods": {"pr": {"method": "pr-moesp"}}}
+    assert list(list_figures(read(), NOTEBOOKS["table1"])) == ["figure3"]
+    assert list(list_figures(read(**moesp), NOTEBOOKS["table1"])) == ["figure3", "order"]
+
+
+def test_a_figure_that_is_not_listed_is_an_error():
+    with pytest.raises(ValueError, match=r"the figure 'other' is not in notebooks/notebooks\.yaml"):
+        StudyPage(figures=["sweep"]).check_figure("other")
+
+
+def test_another_list_of_notebooks_is_read(tmp_path: Path):
+    path = tmp_path / "notebooks.yaml"
+    path.write_text("mine: {shows: What I look at., figures: {first: A figure.}}\n")
+    mine = read_notebooks(path)
+    config = {"kind": "simulation", "seed": 1, "notebook": "mine"}
+    config |= {"methods": {"riv": {"method": "riv"}}}
+    read_run({"studies": {"s": config}}, [], notebooks=mine)
+    path.write_text("mine: {shows: What I look at., figures: {}, needs: [luck]}\n")
+    with pytest.raises(ConfigError, match="mine → needs"):
+        read_notebooks(path)
