@@ -15,6 +15,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.pages.rendering import render_table
 from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
+from ankleloop.quantities import point_column
 from ankleloop.tables.captions import describe_settings, typical_point
 from ankleloop.tables.comparisons import write_table
 from ankleloop.tables.outcomes import describe_faults
@@ -40,6 +41,11 @@ class StudyPage(SimpleNamespace):
     def table(self) -> pd.DataFrame:
         """The same, with the label of the method as `series`."""
         return self.details.assign(series=self.details["method"].map(self.labels))
+
+    @property
+    def keys(self) -> list[str]:
+        """Columns with the values of the points."""
+        return [point_column(name) for name in self.varied]
 
     @property
     def styles(self) -> dict[str, MethodStyle]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from ankleloop.quantities import QUANTITIES
+from ankleloop.quantities import POINT, QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.outcomes import true_values
 
@@ -30,7 +30,8 @@ SHARED = (
 
 
 def label_setting(name: str) -> tuple[str, str]:
-    """Readable name and unit of a simulation setting."""
+    """Readable name and unit of a simulation setting, or of the column with its values at a point."""
+    name = name.removeprefix(POINT)
     return NAMES.get(name, name.replace("_", " ")), SimulationSettings.unit(name)
 
 
@@ -41,7 +42,7 @@ def label_axis(name: str) -> str:
 
 def format_setting(name: str, value: float | None) -> str:
     """Value of a simulation setting with its unit."""
-    unit = SimulationSettings.unit(name)
+    unit = SimulationSettings.unit(name.removeprefix(POINT))
     return "infinite" if value is None else f"{value:g}" if unit == "1" else f"{value:g} {unit}"
 
 

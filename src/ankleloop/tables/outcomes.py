@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ankleloop.quantities import SETTINGS
+from ankleloop.quantities import POINT, SETTINGS
 from ankleloop.tables.means import list_faults
 
 RATE = 100.0  # Hz, of the identification by default
@@ -36,6 +36,7 @@ def true_spectral_radius(settings: Mapping[str, Any], rate: float = RATE) -> flo
 
 def describe_condition(name: str, value: Any) -> str:
     """Experimental condition in words."""
+    name = name.removeprefix(POINT)
     return CONDITIONS.get(name, {}).get(value, f"{name} {value}")
 
 
