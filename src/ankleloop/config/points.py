@@ -27,6 +27,8 @@ from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.simulation.settings import SimulationSettings
 
 SETTINGS = tuple(SimulationSettings.model_fields)
+LOAD = "load"  # as `simulate` has it
+LOAD_SETTINGS = ("load_inertia", "load_viscosity", "load_stiffness")
 SIMULATION = ""  # owner of the settings, beside the methods, which own their options
 MAX_POINTS = 100_000  # of a grid
 DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a design have half of them
@@ -166,12 +168,6 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
     ] = {}  # equal settings, and equal options of a method, are checked once
     for row, given in combinations:
         where = (row,) if row else ("config", *place)
-        for name, value in given.items():
-            if isinstance(value, (list, Mapping)):
-                fault = (
-                    f"{name} must be a single value or a text with commas, got {show_value(value)}"
-                )
-                raise ConfigError(f"{' → '.join(where)}: {fault}.", place)
         models = {}
         for owner, base in owners.items():
             values = _values_of(owner, parameters, given)
@@ -235,30 +231,66 @@ def _list_combinations(
         design: Design = check(Design, entry, "config", *place)
         parameters = find_parameters(place, design.parameters, methods)
         return parameters, _draw_points(design, parameters, (*place, "parameters"))
-    if isinstance(entry, Mapping):
-        parameters = find_parameters(place, entry, methods)
-        lists = [
-            _list_values(parameters[name], values, (*place, name)) for name, values in entry.items()
-        ]
-        count = math.prod(map(len, lists))
-        if count > MAX_POINTS:
-            raise key_error(
-                place,
-                f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies.",
-            )
-        return parameters, (
-            ("", dict(zip(entry, row, strict=True))) for row in itertools.product(*lists)
-        )
+    grids = [entry] if isinstance(entry, Mapping) else entry
     if (
-        not isinstance(entry, list)
-        or not entry
-        or not all(isinstance(point, Mapping) for point in entry)
+        not isinstance(grids, list)
+        or not all(isinstance(grid, Mapping) for grid in grids)
+        or not grids
     ):
         raise key_error(
             place, "must be lists of values by setting, or a list of points with their settings."
         )
-    names = dict.fromkeys(name for point in entry for name in point)
-    return find_parameters(place, names, methods), [("", point) for point in entry]
+    names = dict.fromkeys(name for grid in grids for name in _list_names(grid))
+    parameters = find_parameters(place, names, methods)
+    is_grid = isinstance(entry, Mapping)
+    lists = [
+        [_list_choices(name, values, parameters, place, is_grid) for name, values in grid.items()]
+        for grid in grids
+    ]
+    count = sum(math.prod(map(len, choices)) for choices in lists)
+    if count > MAX_POINTS:
+        raise key_error(
+            place,
+            f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies.",
+        )
+    return parameters, (
+        ("", _merge(choice)) for choices in lists for choice in itertools.product(*choices)
+    )
+
+
+def _list_names(names: Iterable[str]) -> Iterable[str]:
+    """Names of settings and options; a load is three settings."""
+    for name in names:
+        yield from LOAD_SETTINGS if name == LOAD else (name,)
+
+
+def _merge(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    return {name: value for part in parts for name, value in part.items()}
+
+
+def _list_choices(
+    name: str, values: Any, parameters: Mapping[str, Parameter], place: Place, is_grid: bool
+) -> list[dict[str, Any]]:
+    """Choices of a parameter, each with its value, or with the three values of a load.
+
+    In a list of points a single value is a choice, too.
+    """
+    if name == LOAD:
+        loads = values if _is_list_of_lists(values) else [values]
+        if not all(isinstance(load, list) and len(load) == len(LOAD_SETTINGS) for load in loads):
+            fault = f"must be [inertia, viscosity, stiffness], or a list of those, got {show_value(values)}."
+            raise key_error((*place, name), fault)
+        return [dict(zip(LOAD_SETTINGS, load, strict=True)) for load in loads]
+    if not is_grid and not isinstance(values, (list, Mapping)):
+        values = [values]
+    listed = _list_values(parameters[name], values, (*place, name))
+    # Several numbers are one value of an option that is a table: a text with commas.
+    texts = [", ".join(map(str, v)) if isinstance(v, list) else v for v in listed]
+    return [{name: value} for value in texts]
+
+
+def _is_list_of_lists(values: Any) -> bool:
+    return isinstance(values, list) and any(isinstance(value, list) for value in values)
 
 
 def _cast(parameter: Parameter, value: str) -> Any:

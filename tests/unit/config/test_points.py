@@ -29,6 +29,29 @@ def read(points, named=TWO, **shared):
     return list_points("mine", points, SimulationSettings(**shared), named)[0]
 
 
+def test_a_load_is_three_settings_and_a_point_of_a_list_may_have_several_values():
+    """Conditions have the names of the settings, by which their seeds are keyed."""
+    light, heavy = ([0.1, 10.0, 100.0], [1.1, 7.1, 250.0])
+    points = read({"load": [light, heavy], "voluntary": [0.05, 0.3]})
+    assert [point.condition for point in points] == [
+        f"load_inertia={load[0]},load_stiffness={load[2]},load_viscosity={load[1]},voluntary={level}"
+        for load in (light, heavy)
+        for level in (0.05, 0.3)
+    ]
+    listed = read([{"load": light, "voluntary": [0.05, 0.3]}, {"load": heavy, "voluntary": 0.3}])
+    assert [point.name for point in listed] == [points[k].name for k in (0, 1, 3)]
+
+
+def test_an_option_of_several_numbers_varies():
+    named = methods(tv="riv-tv")
+    points = read({"knots": [[12, 8, 12], [24, 16, 24]]}, named)
+    assert [point.name for point in points] == ["knots=12, 8, 12", "knots=24, 16, 24"]
+    options = METHODS["riv-tv"].options(**points[1].options["tv"])
+    assert options.knots == (24, 16, 24)
+    with pytest.raises(ConfigError, match="knots"):
+        read({"knots": [[12, 8]]}, named)
+
+
 def test_options_vary_beside_settings_and_share_trials():
     points = read({"reflex_gain": [8, 12], "block_rows": [12, 18]})
     assert [point.name for point in points] == [
@@ -166,10 +189,7 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
             [{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}],
             "block_rows=15,reflex_gain=8.0 is listed twice",
         ),
-        (
-            {"stiffness_table": [[0.8, 1.2]]},
-            "stiffness_table must be a single value or a text with commas",
-        ),
+        ({"load": [0.1, 10.0]}, r"load: must be \[inertia, viscosity, stiffness\], or a list of"),
     ],
 )
 def test_refusals(points, message):

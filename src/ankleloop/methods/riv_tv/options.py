@@ -56,7 +56,10 @@ class RivTvOptions(RefinedOptions, RectifierOptions):
     @field_validator("cycle_onsets", "knots", mode="before")
     @classmethod
     def _as_tuple(cls, values: Any) -> Any:
-        """Numbers come as lists from YAML, and as arrays from NumPy."""
+        """Numbers come as lists from YAML, as arrays from NumPy, and as a text with commas from a table."""
+        if isinstance(values, str) and "," in values:
+            values = values.split(",")
+            return tuple(int(part) if part.strip().isdigit() else float(part) for part in values)
         if hasattr(values, "__array__"):
             values = np.asarray(values)
         if isinstance(values, (list, tuple, np.ndarray)):
