@@ -115,7 +115,8 @@ def tabulate_estimates():
                         "value_high": high,
                     }
                 )
-    return pd.DataFrame(rows)
+    # The order of the methods is not a result.
+    return pd.DataFrame(rows).sort_values(["recording", "method", "parameter"])
 
 
 def read_estimates(tree):
