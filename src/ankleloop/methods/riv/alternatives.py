@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ankleloop.checks.movement import turned_signs
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Point
+from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
@@ -98,43 +98,37 @@ class Alternative:
         return max(map(abs, self.shifts.values()))
 
 
-def select_alternatives(alternatives: Iterable[Alternative]) -> list[Alternative]:
-    """Those that the record shows and that move a parameter, the most significant one first."""
+def with_alternatives(
+    estimate: Estimate, alternatives: Iterable[Alternative], trial: PreparedTrial
+) -> Estimate:
+    """An estimate with what its model lacks: the alternatives that the record shows and that move a parameter.
+
+    They are in the diagnostics, the most significant one first. Intervals hold the values with it, too.
+    """
     shown = [
         alternative
         for alternative in alternatives
         if alternative.significant and alternative.largest_shift > SMALLEST_SHIFT
     ]
-    return sorted(shown, key=lambda alternative: -abs(alternative.score))
-
-
-def widen_intervals(
-    intervals: Mapping[str, tuple[float, float]],
-    values: Mapping[str, float],
-    alternatives: Sequence[Alternative],
-) -> dict[str, tuple[float, float]]:
-    """Intervals that hold the values with the first alternative, too."""
-    widened = dict(intervals)
-    shifts = alternatives[0].shifts if alternatives else {}
-    for name in shifts.keys() & intervals.keys():
-        moved = values[name] * (1.0 + shifts[name])
-        ends = (*intervals[name], moved)
-        widened[name] = (min(ends), max(ends))
-    return widened
-
-
-def describe_alternatives(alternatives: Sequence[Alternative]) -> dict[str, Any]:
-    """Alternatives as an entry of diagnostics; none if there are none."""
-    if not alternatives:
-        return {}
-    entries = [
+    if not shown:
+        return estimate
+    shown.sort(key=lambda alternative: -abs(alternative.score))
+    values = estimate.stiffness | estimate.reflex
+    intervals = dict(estimate.intervals)
+    for name, shift in shown[0].shifts.items():
+        if name in intervals:
+            ends = (*intervals[name], values[name] * (1.0 + shift))
+            intervals[name] = (min(ends), max(ends))
+    diagnostics = dict(estimate.diagnostics)
+    diagnostics["alternatives"] = [
         {"effect": alternative.text, "score": alternative.score, "shifts": alternative.shifts}
-        for alternative in alternatives
+        for alternative in shown
     ]
-    return {"alternatives": entries}
+    diagnostics["warnings"] = [*diagnostics["warnings"], *_warn_of_alternatives(shown, trial)]
+    return replace(estimate, intervals=intervals, diagnostics=diagnostics)
 
 
-def warn_of_alternatives(alternatives: Sequence[Alternative], trial: PreparedTrial) -> list[str]:
+def _warn_of_alternatives(alternatives: Sequence[Alternative], trial: PreparedTrial) -> list[str]:
     """Warning about the first one that moves a parameter by a fifth, or is the delay of no stretch reflex."""
     shortest, longest = QUANTITIES["delay"].plausible
     for alternative in alternatives:
@@ -174,10 +168,14 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     if parameters.linear.size == MOTION + 1:  # other bases answer both directions
         effects.append("direction")
     alternatives = [_free_effect(effect, solution) for effect in effects]
-    if "delay" not in parameters.delays and solution.point.movement_p < INCOMPLETE:
-        alternatives += _free_delay(solution)
-        if parameters.dynamics.pole is None:  # a third pole and a free delay are nearly the same
-            alternatives += _free_pole(solution)
+    if "delay" in parameters.delays or solution.point.movement_p >= INCOMPLETE:
+        return alternatives
+    starts = {"delay": replace(parameters, delays=("delay",))}
+    if parameters.dynamics.pole is None:  # a third pole and a free delay are nearly the same
+        dynamics = replace(parameters.dynamics, pole=START_POLE)
+        starts["pole"] = replace(parameters, dynamics=dynamics)
+    for unknown, start in starts.items():
+        alternatives += _free_unknown(unknown, start, solution)
     return alternatives
 
 
@@ -241,29 +239,24 @@ def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tu
     return float(step), float(np.sqrt(variance))
 
 
-def _free_delay(solution: Search) -> list[Alternative]:
-    """The solution with the delay as an unknown, where there is one that a stretch reflex can have."""
-    freed = solve(solution.equations, replace(solution.point.parameters, delays=("delay",)))
+def has_stretch_delay(point: Point) -> bool:
+    """Whether the delay is one that a stretch reflex can have."""
     shortest, longest = STRETCH_DELAY
-    if not freed.converged or not shortest < freed.point.values["delay"] < longest:
+    return shortest < point.values["delay"] < longest
+
+
+def _free_unknown(unknown: str, start: Parameters, solution: Search) -> list[Alternative]:
+    """The solution with a delay or a third pole as a further unknown, the last one, where the record shows it."""
+    freed = solve(solution.equations, start)
+    point = freed.point
+    # The error of the logarithm of a pole is the relative one of its time constant.
+    size = 1.0
+    shown = "pole" not in freed.held
+    if unknown == "delay":
+        size = point.parameters.shift
+        shown = has_stretch_delay(point)
+    if not (freed.converged and shown):
         return []
-    return [_compare(solution, freed, "delay", freed.point.parameters.shift)]
-
-
-def _free_pole(solution: Search) -> list[Alternative]:
-    """The solution with a third pole as an unknown, where the record shows one."""
-    parameters = solution.point.parameters
-    dynamics = replace(parameters.dynamics, pole=START_POLE)
-    freed = solve(solution.equations, replace(parameters, dynamics=dynamics))
-    if not freed.converged or "pole" in freed.held:
-        return []
-    # The error of the logarithm of the pole is the relative one of its time constant.
-    return [_compare(solution, freed, "pole", 1.0)]
-
-
-def _compare(solution: Search, freed: Search, unknown: str, size: float) -> Alternative:
-    """A solution with one more unknown, the last one, whose size has the same unit as its error."""
-    values = freed.point.values
-    error = float(np.sqrt(freed.point.covariance(freed.free)[-1, -1]))
-    shifts = compute_shifts(solution.point.values, values)
-    return Alternative(unknown, values[unknown], size / error, shifts)
+    score = size / float(np.sqrt(point.covariance(freed.free)[-1, -1]))
+    shifts = compute_shifts(solution.point.values, point.values)
+    return [Alternative(unknown, point.values[unknown], score, shifts)]

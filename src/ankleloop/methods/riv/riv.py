@@ -25,13 +25,9 @@ from ankleloop.methods.method import (
     Validity,
 )
 from ankleloop.methods.riv.alternatives import (
-    STRETCH_DELAY,
-    Alternative,
-    describe_alternatives,
     find_alternatives,
-    select_alternatives,
-    warn_of_alternatives,
-    widen_intervals,
+    has_stretch_delay,
+    with_alternatives,
 )
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Point
 from ankleloop.methods.riv.search import Search, solve
@@ -118,13 +114,16 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     True
     """
     solution = _solve(trial, options, estimate_delay=options.delay is None)
-    if options.delay is not None or _shows_delay(solution):
-        return _estimate(trial, solution, options, assumptions=[])
-    assumption = (
-        f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
-    )
-    solution = _solve(trial, options, estimate_delay=False)
-    return _estimate(trial, solution, options, assumptions=[assumption])
+    assumptions = []
+    if options.delay is None and not _shows_delay(solution):
+        assumptions = [
+            f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
+        ]
+        solution = _solve(trial, options, estimate_delay=False)
+    estimate = _estimate(trial, solution, options, assumptions)
+    if not solution.converged:
+        return estimate
+    return with_alternatives(estimate, find_alternatives(solution), trial)
 
 
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
@@ -138,19 +137,17 @@ def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -
 
 def _shows_delay(solution: Search) -> bool:
     """Whether a solution with the delay as an unknown has that of a stretch reflex, and with a small error."""
-    if not solution.converged:
+    point = solution.point
+    if not solution.converged or not has_stretch_delay(point) or point.values["G"] < 0.0:
         return False
-    values = solution.point.values
-    shortest, longest = STRETCH_DELAY
-    is_stretch_reflex = shortest < values["delay"] < longest and values["G"] >= 0.0
-    variance = solution.point.covariance(solution.free)[-1, -1]
-    return bool(is_stretch_reflex and variance < CERTAIN_DELAY**2)
+    variance = point.covariance(solution.free)[-1, -1]
+    return bool(variance < CERTAIN_DELAY**2)
 
 
 def _estimate(
     trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]
 ) -> Estimate:
-    """Torques, physical parameters, and where the search has converged their intervals and what the model lacks."""
+    """Torques, physical parameters, and where the search has converged their intervals."""
     equations = solution.equations
     point = solution.point
     parameters = point.parameters
@@ -158,11 +155,9 @@ def _estimate(
     kind = None
     errors: dict[str, float] = {}
     intervals: dict[str, tuple[float, float]] = {}
-    alternatives: list[Alternative] = []
     if solution.converged:
         kind = options.intervals or ("robust" if point.movement_p < INCOMPLETE else "asymptotic")
         errors, intervals = _quantify(solution, kind)
-        alternatives = select_alternatives(find_alternatives(solution))
     inputs = ModelInputs.of(equations.regressors, values["delay"])
     model = PhysicalModel(
         inputs=inputs,
@@ -170,13 +165,12 @@ def _estimate(
         coefficients=parameters.linear[MOTION:],
         dynamics=parameters.dynamics,
     )
-    regressors = inputs.regressors(trial) if parameters.delays else equations.regressors
     return Estimate(
         method="riv",
-        torque=model.simulate(trial, regressors),
+        torque=model.predict(trial),
         stiffness={name: values[name] for name in STIFFNESS},
         reflex={name: value for name, value in values.items() if name not in STIFFNESS},
-        intervals=widen_intervals(intervals, values, alternatives),
+        intervals=intervals,
         diagnostics={
             "order": options.order,
             "iterations": len(solution.points) - 1,
@@ -190,9 +184,8 @@ def _estimate(
             "noise_frequency": equations.band.frequency,
             "noise_spectrum": point.noise / equations.band.density,
             "nonlinearity": point.reflex_path.curve(),
-            **describe_alternatives(alternatives),
             "assumptions": assumptions,
-            "warnings": [*_warnings(solution), *warn_of_alternatives(alternatives, trial)],
+            "warnings": _warnings(solution),
         },
         predictor=model,
     )

@@ -17,10 +17,7 @@ from ankleloop.methods.method import POSITION, Method, Offer, Validity
 from ankleloop.methods.riv.alternatives import (
     Alternative,
     compute_shifts,
-    describe_alternatives,
-    select_alternatives,
-    warn_of_alternatives,
-    widen_intervals,
+    with_alternatives,
 )
 from ankleloop.methods.riv.riv import estimate_intervals
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
@@ -77,10 +74,10 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     True
     """
     solution = _solve(trial, options)
-    alternatives: list[Alternative] = []
-    if solution.converged:
-        alternatives = select_alternatives(_list_alternatives(trial, solution, options))
-    return _estimate(trial, solution, options, alternatives)
+    estimate = _estimate(trial, solution, options)
+    if not solution.converged:
+        return estimate
+    return with_alternatives(estimate, _list_alternatives(trial, solution, options), trial)
 
 
 def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
@@ -113,10 +110,7 @@ def _list_alternatives(
 
 
 def _estimate(
-    trial: PreparedTrial,
-    solution: TimeVaryingSolution,
-    options: RivTvOptions,
-    alternatives: list[Alternative],
+    trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions
 ) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
     equations = solution.equations
@@ -141,7 +135,7 @@ def _estimate(
         torque=model.torques(trial, equations.grid, course.place),
         stiffness=means,
         reflex=reflex,
-        intervals=widen_intervals(intervals, values, alternatives),
+        intervals=intervals,
         diagnostics={
             "order": options.order,
             "converged": solution.converged,
@@ -151,11 +145,7 @@ def _estimate(
             "excitation": solution.find_excitation(places),
             "torque_lag": solution.parameters.lag,
             "reference": options.reference,
-            **describe_alternatives(alternatives),
-            "warnings": [
-                *_warnings(trial, solution, coordinate, curves),
-                *warn_of_alternatives(alternatives, trial),
-            ],
+            "warnings": _warnings(trial, solution, coordinate, curves),
         },
         predictor=model,
         trajectories=trajectory_dataset(course.dimension, coordinate, curves, **schedule),
