@@ -14,7 +14,7 @@ from ankleloop.methods.riv.equations import DELAY_LIMITS, Parameters
 from ankleloop.methods.riv_tv.bases import Bases
 from ankleloop.methods.riv_tv.motion import Motion, measure_motion, predict_motion
 from ankleloop.methods.riv_tv.options import RivTvOptions
-from ankleloop.methods.riv_tv.repetition import CycleMean, SlowDirections, SmoothPart
+from ankleloop.methods.riv_tv.repetition import CycleMean, SmoothPart
 from ankleloop.methods.riv_tv.whitening import NoiseModel, PaddedTransform, Weighting
 
 
@@ -32,11 +32,11 @@ class Whitener:
     """Makes whitened signals of spectra, and takes out of them what repeats."""
 
     weighting: Weighting
-    repeated: CycleMean | SlowDirections
+    repeated: CycleMean | SmoothPart
 
     def __call__(self, spectra: np.ndarray) -> np.ndarray:
         """Whitened signals, shape (..., rows)."""
-        return self.repeated.remove(self.weighting(spectra))
+        return self.repeated.deviation(self.weighting(spectra))
 
 
 class WhitenedSystem:
@@ -50,9 +50,7 @@ class WhitenedSystem:
         self.torque = torque  # shape (rows,)
         self.normal = instruments @ regressors.T
         self.side = instruments @ torque
-        self.information = self.normal
-        if instruments is not regressors:
-            self.information = instruments @ instruments.T
+        self.information = instruments @ instruments.T
 
     def residual(self, linear: np.ndarray) -> np.ndarray:
         """Whitened torque less that of linear parameters, shape (rows,)."""
@@ -75,7 +73,7 @@ class TimeVaryingEquations:
         self.bases = Bases(options, self.course)
         self.transform = PaddedTransform(self.grid.samples, trial.rate / self.grid.factor)
         self.noise = NoiseModel(self.course, self.transform, options.weighting)
-        self.smooth_part = SmoothPart(self.course, self.transform)
+        self.smooth_part = SmoothPart.of(self.course, self.transform)
         self.repeated: CycleMean | SmoothPart = self.smooth_part
         if self.course.equal_cycles:
             self.repeated = CycleMean(self.course.rows, self.course.equal_cycles)
@@ -134,8 +132,6 @@ class TimeVaryingEquations:
 
     def lead(self, parameters: Parameters) -> np.ndarray:
         """Transform of the torque, ahead by its lag."""
-        if not parameters.lag:
-            return self.torque
         return self.torque * np.exp(self.transform.s * parameters.lag)
 
     def whitener(self, weighting: Weighting) -> Whitener:

@@ -126,10 +126,10 @@ def _estimate(
     intervals: dict[str, tuple[float, float]] = {}
     if solution.converged:
         intervals = estimate_intervals(values, solution.deviations, solution.quantile)[1]
-    unit = ""
+    schedule = {}
     if options.schedule:
         unit = str(trial.trial[options.schedule].attrs.get("units", ""))
-    schedule = {"variable": options.schedule or "", "variable_unit": unit}
+        schedule = {"variable": options.schedule, "variable_unit": unit}
     return Estimate(
         method="riv-tv",
         torque=model.torques(trial, equations.grid, course.place),

@@ -92,17 +92,16 @@ class NoiseModel:
         """
         spectrum = self.spectrum(noise)
         if self.weighting == "flat":
-            return self.weigh(np.full(self.inside.size, spectrum.mean()))
+            return self.weigh(spectrum.mean())
         power = np.interp(self.transform.frequency, self.band.frequency, spectrum)
         stationary = self.weigh(power)
         padded = np.zeros(self.transform.samples)
         padded[self.rows] = noise
         white_power = stationary(self.transform.spectra(padded)) ** 2
-        mean = float(np.mean(white_power))
-        level = self._level_splines @ (self._level_fit @ white_power) / mean
+        level = self._level_splines @ (self._level_fit @ white_power) / white_power.mean()
         return self.weigh(power, np.sqrt(np.maximum(level, LOWEST_LEVEL)))
 
-    def weigh(self, power: np.ndarray, level: np.ndarray | float = 1.0) -> Weighting:
+    def weigh(self, power: np.ndarray | float, level: np.ndarray | float = 1.0) -> Weighting:
         """Weights that are the inverse of a power within the band, and zero elsewhere.
 
         Shapes: power (frequencies,), level (rows,).
