@@ -29,7 +29,6 @@ from ankleloop.methods.method import (
 )
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
-from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
@@ -191,7 +190,7 @@ def _fit_model(
     if options.input_matrices == "instruments":
         pairs = zip(trials, regressors, strict=True)
         arguments["predicted_inputs"] = [trial.predict_inputs(part) for trial, part in pairs]
-    if _find_reference(member, options) is not None:
+    if regressors[0].reference is not None:
         arguments["reference"] = [part.reference for part in regressors]
     return moesp(
         [part.inputs for part in regressors],
@@ -237,7 +236,10 @@ def _describe_model(
 ) -> Estimate:
     """Estimate of a model, with K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
     if options.omitted_step == "mean-removal":
-        state = state - _rest_state(model.matrices, part.inputs)
+        A = model.matrices.A
+        rest_input = model.matrices.B @ part.inputs.mean(axis=0)
+        # Less the state of rest under the mean inputs.
+        state = state - np.linalg.solve(np.eye(len(A)) - A, rest_input)
     inputs = ModelInputs.of(part)
     matrices = inputs.label(model.matrices)
     torque = simulate_torques(model.matrices, state, part)
@@ -249,26 +251,19 @@ def _describe_model(
         torque=torque,
         stiffness=stiffness,
         reflex={"delay": inputs.delay, **path.valid_parameters},
-        diagnostics=_describe_fit(member, options, model, path),
+        diagnostics=_describe_fit(options, model, path, part.reference_name),
         predictor=StateSpaceModel(inputs, matrices, state),
     )
 
 
-def _rest_state(matrices: Matrices, inputs: np.ndarray) -> np.ndarray:
-    """State of rest under the mean inputs."""
-    A, B = matrices.A, matrices.B
-    return np.linalg.solve(np.eye(len(A)) - A, B @ inputs.mean(axis=0))
-
-
 def _describe_fit(
-    member: str, options: MoespOptions, model: SubspaceEstimate, path: ReflexPath
+    options: MoespOptions, model: SubspaceEstimate, path: ReflexPath, reference: str | None
 ) -> dict[str, Any]:
     """Diagnostics of a model, which all merged trials have alike."""
     diagnostics = {"singular_values": model.singular_values, **model.diagnostics}
     diagnostics |= path.diagnostics
     if path.basis.caution:
         diagnostics["assumptions"] = [path.basis.caution]
-    reference = _find_reference(member, options)
     if reference is not None:
         diagnostics["reference"] = reference
     if options.omitted_step is not None:

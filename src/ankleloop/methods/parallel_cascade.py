@@ -112,7 +112,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     unknowns = 2 * leads + longest + 2
     if rows.size < 2 * unknowns:
         raise DataError(
-            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer or shorten the lags."
+            f"the record leaves {rows.size} samples for {unknowns} unknowns: record longer or shorten the lags."
         )
 
     *lagged, target = _compress(trial, regressors, leads, longest)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from ankleloop.errors import DataError
@@ -100,18 +98,18 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
         )
     chunk = max(1, round(rate / UPDATE_RATE))
     forgetting = float(np.exp(-1.0 / (options.memory * rate)))
-    track = partial(_track, forgetting=forgetting, chunk=chunk, settling=first)
+    steps = (forgetting, chunk, first)
     # The operating point is that of the settling time: later samples are not known when the parameters begin to count.
     known = slice(0, max(first, round(SHORTEST_LEVEL * rate)))
     torque = regressors.torque - regressors.torque[known].mean()
     motion = regressors.inputs[:, :MOTION].copy()
     motion[:, 0] -= motion[known, 0].mean()
-    intrinsic, stiffness = track(motion, torque)
+    intrinsic, stiffness = _track(motion, torque, *steps)
     drive = regressors.inputs[:, -1]
     longest = round(options.reflex_lags * rate)
     earlier = np.full(longest, drive[0])  # before the record it has its first value
     lagged = lag_matrix(np.concatenate((earlier, drive)), 0, longest)
-    reflex, responses = track(lagged, torque - intrinsic)
+    reflex, responses = _track(lagged, torque - intrinsic, *steps)
     traces = dict(zip(STIFFNESS, stiffness.T, strict=True))
     traces["G"] = responses.sum(axis=1)
     time = regressors.time[::chunk]

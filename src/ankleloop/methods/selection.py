@@ -45,23 +45,6 @@ class Half(NamedTuple):
     instruments: Instruments | None  # of the test; None without a reference
 
 
-class Losses(NamedTuple):
-    """Squares of the torque of all tests, summed over segments, shape (segments,)."""
-
-    residual: np.ndarray
-    torque: np.ndarray
-
-    @classmethod
-    def join(cls, parts: Sequence[Losses]) -> Losses:
-        """Losses of several tests as one."""
-        return cls(*(np.hstack(arrays) for arrays in zip(*parts, strict=True)))
-
-    @property
-    def score(self) -> float:
-        """Share of the torque that is explained [%]."""
-        return float(100.0 * (1.0 - self.residual.sum() / self.torque.sum()))
-
-
 def select_options(
     trial: Trial,
     fit: Callable[..., Estimate],
@@ -147,9 +130,9 @@ def select_options(
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             row["error"] = str(error)
         else:
-            row["scores"] = {name: part.score for name, part in by_criterion.items()}
+            row["scores"] = {name: _explained_share(part) for name, part in by_criterion.items()}
             row["warnings"] = warnings
-            losses[number] = by_criterion[criterion].residual
+            losses[number] = by_criterion[criterion][0]
     if not losses:
         raise DataError(
             f"no candidate could be fitted; the first one failed with: {rows[0]['error']}"
@@ -160,6 +143,12 @@ def select_options(
     first = next(k for k, loss in comparable.items() if _is_as_good(loss, best))
     chosen = {name: rows[first][name] for name in candidates}
     return {"criterion": criterion, "candidates": rows, "chosen": chosen}
+
+
+def _explained_share(losses: np.ndarray) -> float:
+    """Share of the torque that is explained [%]."""
+    residual, torque = losses.sum(axis=1)
+    return float(100.0 * (1.0 - residual / torque))
 
 
 def _is_as_good(loss: np.ndarray, best: np.ndarray) -> bool:
@@ -250,9 +239,12 @@ def _score(
     halves: Sequence[Half],
     fit: Callable[[PreparedTrial], Estimate],
     cycle_onsets: str | Sequence[float] | None,
-) -> tuple[dict[str, Losses], list[str]]:
-    """Losses by criterion, and warnings of the fits."""
-    losses: dict[str, list[Losses]] = {}
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Losses of all tests by criterion, and warnings of the fits.
+
+    Shapes: returns (2, segments): squares of the residual and of the torque, summed over segments.
+    """
+    tests = []
     warnings: list[str] = []
     for half in halves:
         estimate = fit(half.training)
@@ -262,14 +254,13 @@ def _score(
             )
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
         torque = estimate.predict(half.test, cycle_onsets=cycle_onsets).torque
-        for name, part in _test(torque, half).items():
-            losses.setdefault(name, []).append(part)
-    joined = {name: Losses.join(parts) for name, parts in losses.items()}
-    return joined, list(dict.fromkeys(warnings))
+        tests.append(_test(torque, half))
+    losses = {name: np.hstack([test[name] for test in tests]) for name in tests[0]}
+    return losses, list(dict.fromkeys(warnings))
 
 
-def _test(torque: xr.Dataset, half: Half) -> dict[str, Losses]:
-    """Losses of predicted torques in a half by every criterion that it allows."""
+def _test(torque: xr.Dataset, half: Half) -> dict[str, np.ndarray]:
+    """Losses of predicted torques in a half by every criterion that it allows, shape (2, segments)."""
     time = torque["time"].values
     is_scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
     time = time[is_scored]
@@ -285,6 +276,6 @@ def _test(torque: xr.Dataset, half: Half) -> dict[str, Losses]:
     segments = ((time - start) / SEGMENT).astype(int)
     count = int((stop - start) / SEGMENT) + 1
     return {
-        name: Losses(*(np.bincount(segments, signal**2, count) for signal in pair))
+        name: np.array([np.bincount(segments, signal**2, count) for signal in pair])
         for name, pair in explainable.items()
     }

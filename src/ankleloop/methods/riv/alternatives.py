@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -192,10 +193,11 @@ def _free_effect(effect: str, solution: Search) -> Alternative:
     for _ in range(1 if effect == "compression" else EFFECT_ROUNDS):
         derivatives = _differentiate(effect, freed.point, origin)
         size += _step(freed, *derivatives)[0]
-        torque = origin.torque - size * derivatives[0]
+        equations = copy(origin)
+        equations.torque = origin.torque - size * derivatives[0]
         if effect == "lag":
-            torque = origin.torque * np.exp(origin.band.s * size)
-        freed = solve(origin.with_torque(torque), freed.point.parameters)
+            equations.torque = origin.torque * np.exp(origin.band.s * size)
+        freed = solve(equations, freed.point.parameters)
     shifts = compute_shifts(solution.point.values, freed.point.values)
     return replace(alternative, value=size, shifts=shifts)
 

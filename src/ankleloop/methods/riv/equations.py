@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -53,12 +52,12 @@ class Parameters:
         ends = np.cumsum([self.linear.size, len(self.dynamics.values)])
         linear, dynamics, delays = np.split(step, ends)
         later = dict(zip(self.delays, delays.tolist(), strict=True))
-        return Parameters(
+        return replace(
+            self,
             linear=self.linear + linear,
             dynamics=self.dynamics.scale(dynamics),
             shift=self.shift + later.get("delay", 0.0),
             lag=self.lag + later.get("torque_lag", 0.0),
-            delays=self.delays,
         )
 
     def limit_delay(self, delay: float) -> Parameters:
@@ -100,10 +99,10 @@ class Point:
     def __init__(self, equations: Equations, parameters: Parameters) -> None:
         linear = parameters.linear
         coefficients = linear[MOTION:]
-        terms = [f"c{number}" for number in range(1, coefficients.size + 1)]
         self.equations = equations
         self.parameters = parameters
-        self.names = (*STIFFNESS, *terms, *parameters.unknowns)  # of all unknowns
+        # Of all unknowns; those of basis functions have the same one.
+        self.names = (*STIFFNESS, *["c"] * coefficients.size, *parameters.unknowns)
         self.reflex_path = ReflexPath(equations.regressors.basis, coefficients, parameters.dynamics)
         # Derivatives of the torque with respect to the unknowns, by the measured inputs and by the predicted ones, both
         # of shape (unknowns, frequencies).
@@ -259,12 +258,6 @@ class Equations:
         self.open_loop = self.predicted_inputs is regressors.inputs
         if not self.open_loop:
             self.predicted = self.band.transform(self.predicted_inputs.T)
-
-    def with_torque(self, torque: np.ndarray) -> Equations:
-        """The equations for another spectrum of the torque, shape (frequencies,)."""
-        equations = copy(self)
-        equations.torque = torque
-        return equations
 
     def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
         """Smoothed periodogram, shape (frequencies,)."""

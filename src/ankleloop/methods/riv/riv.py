@@ -297,13 +297,14 @@ def estimate_intervals(
     for name, value in values.items():
         if name not in deviations:
             continue
+        deviation = deviations[name]
+        margin = quantile * deviation
         if name in LOGARITHMIC:
-            errors[name] = deviations[name] * value
-            ratio = float(np.exp(min(quantile * deviations[name], WIDEST_INTERVAL)))
+            errors[name] = deviation * value
+            ratio = float(np.exp(min(margin, WIDEST_INTERVAL)))
             intervals[name] = (value / ratio, value * ratio)
         else:
-            errors[name] = deviations[name]
-            margin = quantile * errors[name]
+            errors[name] = deviation
             intervals[name] = (value - margin, value + margin)
     return errors, intervals
 

@@ -62,15 +62,12 @@ def choose_penalties(
         renewed = {}
         for name, block in bases.blocks.items():
             splines = bases.splines[name]
-            if splines.rank == 0:
-                renewed[name] = 0.0
-                continue
             roughness = values[block] @ splines.penalty @ values[block]
             trace = np.sum(inverse[block, block] * splines.penalty)
             fitted = max(splines.rank - penalties[name] * trace, LEAST_FREEDOM)
             likeliest = factors[name] * variance * fitted / max(roughness, LEAST_ROUGHNESS)
-            smallest = SMALLEST_PENALTY * typical[name]
-            renewed[name] = min(max(likeliest, smallest), LARGEST_PENALTY * typical[name])
+            limits = typical[name] * np.array([SMALLEST_PENALTY, LARGEST_PENALTY])
+            renewed[name] = float(np.clip(likeliest, *limits))
         penalties = renewed
     return SmoothSolution(values, penalties, variance)
 
