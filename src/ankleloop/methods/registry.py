@@ -35,7 +35,7 @@ def find_method(method: str | Method) -> Method:
     registered, faults = load_registered()
     if isinstance(method, str) and method in registered:
         return registered[method]
-    known = [*METHODS, *registered]
+    known = {**METHODS, **registered}
     message = f"unknown method {method!r}{suggest_name(method, known)}; known: {', '.join(known)}."
     raise ValueError(" ".join([message, *faults]))
 

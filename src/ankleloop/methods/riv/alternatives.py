@@ -15,7 +15,7 @@ from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES, STIFFNESS
-from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.least_squares import invert_scaled
 
 SIGNIFICANT = 4.5  # standard errors
 SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
@@ -234,7 +234,7 @@ def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tu
     free = solution.free
     weighted = np.vstack([point.weighted[free], instrument.conj() / point.level])
     regressors = np.vstack([point.regressors[free], regressor])
-    inverse = solve_scaled(np.real(weighted @ regressors.T), np.eye(len(weighted)))
+    inverse = invert_scaled(np.real(weighted @ regressors.T))
     last = inverse[-1]
     step = last @ np.real(weighted @ point.residual)
     variance = last @ point.scatter_of(weighted) @ last

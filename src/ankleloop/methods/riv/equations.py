@@ -14,7 +14,7 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.methods.riv.start import fit_grid, make_grid
 from ankleloop.quantities import STIFFNESS
-from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 from ankleloop.signals.spectra import pass_band
 
 NOISE_RESOLUTION = 0.4  # Hz
@@ -167,7 +167,7 @@ class Point:
         Shapes: returns (free, free).
         """
         select = np.ix_(free, free)
-        inverse = solve_scaled(self.normal[select], np.eye(free.size))
+        inverse = invert_scaled(self.normal[select])
         factor = 1.0 + 2.0 * self.equations.smoothing_variance
         return factor * inverse @ self.scatter[select] @ inverse.T
 
@@ -188,15 +188,13 @@ class Point:
     def _correlation_p(self, spectrum: np.ndarray) -> float:
         """Probability of correlations of the residual and an independent signal that are at least as large."""
         band = self.equations.band
-        first = band.bins.start
-        count = band.frequency.size
-        size = 2 * (first + count)
+        size = 2 * band.bins.stop
         reach = int(MOVEMENT_REACH * size * band.rate / band.samples)
         power = band.smooth(np.abs(spectrum) ** 2, MOVEMENT_RESOLUTION)
-        cross = np.zeros(first + count + 1, dtype=complex)
-        cross[first:-1] = self.residual / np.sqrt(self.noise) * spectrum.conj() / np.sqrt(power)
-        products = 0.5 * size * np.fft.irfft(cross, size)[np.arange(-reach, reach + 1)]
-        energy = np.sum(products**2) / (0.5 * count * band.correlation)
+        cross = self.residual / np.sqrt(self.noise) * spectrum.conj() / np.sqrt(power)
+        padded = np.pad(cross, (band.bins.start, 1))
+        products = 0.5 * size * np.fft.irfft(padded, size)[np.arange(-reach, reach + 1)]
+        energy = np.sum(products**2) / (0.5 * cross.size * band.correlation)
         return float(special.chdtrc(products.size, energy))
 
     @cached_property

@@ -151,14 +151,15 @@ def _estimate(
     equations = solution.equations
     point = solution.point
     parameters = point.parameters
-    values = point.values
+    reflex = point.values
+    stiffness = {name: reflex.pop(name) for name in STIFFNESS}
     kind = None
     errors: dict[str, float] = {}
     intervals: dict[str, tuple[float, float]] = {}
     if solution.converged:
         kind = options.intervals or ("robust" if point.movement_p < INCOMPLETE else "asymptotic")
         errors, intervals = _quantify(solution, kind)
-    inputs = ModelInputs.of(equations.regressors, values["delay"])
+    inputs = ModelInputs.of(equations.regressors, reflex["delay"])
     model = PhysicalModel(
         inputs=inputs,
         stiffness=parameters.linear[:MOTION],
@@ -168,8 +169,8 @@ def _estimate(
     return Estimate(
         method="riv",
         torque=model.predict(trial),
-        stiffness={name: values[name] for name in STIFFNESS},
-        reflex={name: value for name, value in values.items() if name not in STIFFNESS},
+        stiffness=stiffness,
+        reflex=reflex,
         intervals=intervals,
         diagnostics={
             "order": options.order,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -27,16 +28,8 @@ class Inputs:
     drive: np.ndarray  # shape (splines of G, frequencies): of the reflex, for a delay
 
 
-@dataclass(frozen=True, eq=False)
-class Whitener:
-    """Makes whitened signals of spectra, and takes out of them what repeats."""
-
-    weighting: Weighting
-    repeated: CycleMean | SmoothPart
-
-    def __call__(self, spectra: np.ndarray) -> np.ndarray:
-        """Whitened signals, shape (..., rows)."""
-        return self.repeated.deviation(self.weighting(spectra))
+# Makes whitened signals of spectra, and takes out of them what repeats: shape (..., rows).
+Whitener = Callable[[np.ndarray], np.ndarray]
 
 
 class WhitenedSystem:
@@ -136,7 +129,8 @@ class TimeVaryingEquations:
 
     def whitener(self, weighting: Weighting) -> Whitener:
         """Whitener with some weights."""
-        return Whitener(weighting, self.repeated.weighted(weighting))
+        repeated = self.repeated.weighted(weighting)
+        return lambda spectra: repeated.deviation(weighting(spectra))
 
     def noise_whitener(self, parameters: Parameters) -> Whitener:
         """Whitener of the noise: the residual torque less what repeats with the cycle."""

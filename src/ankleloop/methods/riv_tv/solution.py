@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import special
+from scipy import linalg, special
 
 from ankleloop.joint.dynamics import GRIDS, respond
 from ankleloop.methods.riv.equations import Parameters
@@ -15,7 +16,7 @@ from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSys
 from ankleloop.methods.riv_tv.smoothing import choose_penalties
 from ankleloop.methods.riv_tv.whitening import POWER_FLOOR
 from ankleloop.quantities import STIFFNESS
-from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 from ankleloop.signals.spectra import smooth
 
 INTEGRATION_PLACES = 2001  # at which squares of splines are summed
@@ -48,7 +49,7 @@ class TimeVaryingSolution:
     @cached_property
     def inverse(self) -> np.ndarray:
         """Inverse of the penalised normal equations, shape (unknowns, unknowns)."""
-        return solve_scaled(self.system.normal + self.penalty, np.eye(len(self.penalty)))
+        return invert_scaled(self.system.normal + self.penalty)
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -158,45 +159,36 @@ class TimeVaryingSolution:
         constant parameters, with the weights and the dynamics of the solution, and the left sides of those for the
         contrasts of the splines are compared with their covariance, which the spectrum of the residual gives.
         """
+        splines = self.equations.bases.splines
+        varying = [name for name in ("K", "B", "G") if splines[name].size > 1]
+        if not varying:
+            return {}
         noise = self.equations.noise
         coloured = noise.colour(self.system.instruments, self.residual)
         # The spectrum is an estimate, by which left sides scatter more.
         variance = self.variance * (1.0 + noise.spectrum_variance)
-        # The first direction of each block is its constant, the others are its contrasts.
-        unknowns = len(coloured)
-        rotation = np.eye(unknowns)
-        contrasts = {}
-        for name in ("K", "B", "G"):
-            block = self.equations.bases.blocks[name]
-            size = block.stop - block.start
-            if size > 1:
-                rotation[block, block] = np.linalg.svd(np.ones((1, size)))[2]
-                contrasts[name] = np.arange(block.start + 1, block.stop)
-        if not contrasts:
-            return {}
-        contrasts["all"] = np.concatenate(list(contrasts.values()))
-        normal = rotation @ self.system.normal @ rotation.T
-        scatter = variance * rotation @ (coloured @ coloured.T) @ rotation.T
-        side = rotation @ self.system.side
-        return {
-            name: _score_test(normal, side, scatter, tested) for name, tested in contrasts.items()
-        }
+        scatter = variance * coloured @ coloured.T
+        probabilities = {name: self._test_constancy([name], scatter) for name in varying}
+        return {**probabilities, "all": self._test_constancy(varying, scatter)}
 
+    def _test_constancy(self, names: Sequence[str], scatter: np.ndarray) -> float:
+        """Probability of left sides for the contrasts of some parameters that are at least as large as these.
 
-def _score_test(
-    normal: np.ndarray, side: np.ndarray, scatter: np.ndarray, tested: np.ndarray
-) -> float:
-    """Probability of left sides of the tested equations that are at least as large, if their unknowns were zero.
-
-    Shapes: normal, scatter (unknowns, unknowns), side (unknowns,), tested (numbers of unknowns,).
-    """
-    free = np.setdiff1d(np.arange(side.size), tested)
-    inverse = solve_scaled(normal[np.ix_(free, free)], np.eye(free.size))
-    rows = np.eye(side.size)[tested]
-    rows[:, free] = -normal[np.ix_(tested, free)] @ inverse
-    left = rows @ side
-    statistic = left @ solve_scaled(rows @ scatter @ rows.T, left)
-    return float(special.chdtrc(tested.size, statistic))
+        Shapes: scatter (unknowns, unknowns): covariance of all left sides.
+        """
+        blocks = [
+            np.ones((splines.size, 1)) if name in names else np.eye(splines.size)
+            for name, splines in self.equations.bases.splines.items()
+        ]
+        constant = linalg.block_diag(*blocks, np.eye(len(self.parameters.unknowns)))
+        directions = np.linalg.qr(constant, mode="complete")[0]
+        contrasts = directions[:, constant.shape[1] :].T
+        normal = self.system.normal @ constant
+        solution = solve_scaled(constant.T @ normal, constant.T)
+        rows = contrasts - contrasts @ normal @ solution
+        left = rows @ self.system.side
+        statistic = left @ solve_scaled(rows @ scatter @ rows.T, left)
+        return float(special.chdtrc(left.size, statistic))
 
 
 def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
@@ -219,7 +211,7 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
         if converged:
             parameters = replace(parameters, linear=linear)
             break
-        inverse = solve_scaled(system.information, np.eye(len(system.information)))
+        inverse = invert_scaled(system.information)
         errors = np.sqrt(np.maximum(solution.variance * np.diag(inverse)[size:], 1e-300))
         small = np.max(np.abs(step) / errors) < CONVERGED
         negligible = np.max(np.abs(step) / largest) < NEGLIGIBLE_STEP
