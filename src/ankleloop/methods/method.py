@@ -20,7 +20,6 @@ from ankleloop.quantities import QUANTITIES
 
 Trial = xr.Dataset | PreparedTrial
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
-INPUTS = {"delay", "degree", "identification_rate"}  # options that regressors are made by
 POSITION = {"reference": "position"}  # options of a method that needs a reference, in open loop
 
 
@@ -243,14 +242,15 @@ def _list_faults(estimate: Estimate) -> list[str]:
     for name, value in values.items():
         quantity = QUANTITIES.get(name)
         is_given = name == "delay" and name not in estimate.intervals
-        if quantity is None or is_given or name in missing:
+        if quantity is None or is_given:
             continue
         least, most = quantity.plausible
         low, high = estimate.intervals.get(name, (value, value))
-        if high >= least and low <= most:
-            continue
-        fault = "negative, which no joint has" if value < 0 else f"not within {least:g} … {most:g}"
-        warnings.append(
-            f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate."
-        )
+        if high < least or low > most:
+            fault = f"not within {least:g} … {most:g}"
+            if value < 0:
+                fault = "negative, which no joint has"
+            warnings.append(
+                f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate."
+            )
     return warnings

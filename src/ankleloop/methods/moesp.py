@@ -19,7 +19,6 @@ from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torque
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors
 from ankleloop.methods.method import (
-    INPUTS,
     POSITION,
     BasisOptions,
     KnownDelayOptions,
@@ -55,6 +54,8 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
     "scaling": {"scaling": False},
     "mean-removal": {"offsets": False},
 }
+# Options that regressors are made by.
+INPUTS = {"delay", "degree", "identification_rate"}
 # Options that mean the same there.
 SHARED_OPTIONS = {"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}
 

@@ -14,7 +14,6 @@ from ankleloop.joint.models import ModelInputs, ResponseModel
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import (
-    INPUTS,
     KnownDelayOptions,
     Method,
     Offer,
@@ -102,8 +101,11 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     >>> bool(estimate.diagnostics["converged"]), bool(abs(estimate.stiffness["K"] - 150) < 2)
     (True, True)
     """
-    inputs = options.model_dump(include=INPUTS)
-    regressors = trial.regressors(**inputs, basis="rectifier")
+    regressors = trial.regressors(
+        delay=options.delay,
+        basis="rectifier",
+        identification_rate=options.identification_rate,
+    )
     rate = regressors.rate
     leads = round(options.intrinsic_lags * rate)
     longest = round(options.reflex_lags * rate)

@@ -10,7 +10,6 @@ from ankleloop.joint.models import sum_paths
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, torque_dataset
 from ankleloop.methods.method import (
-    INPUTS,
     KnownDelayOptions,
     Method,
     RectifierOptions,
@@ -87,8 +86,11 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     True
     """
     settling = options.memory if options.settling is None else options.settling
-    inputs = options.model_dump(include=INPUTS)
-    regressors = trial.regressors(**inputs, basis="rectifier")
+    regressors = trial.regressors(
+        delay=options.delay,
+        basis="rectifier",
+        identification_rate=options.identification_rate,
+    )
     rate = regressors.rate
     first = round(settling * rate)
     samples = regressors.torque.size
@@ -118,11 +120,12 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     diagnostics = {"settling": settling, "trace_time": time}
     diagnostics |= {f"trace_{name}": trace for name, trace in traces.items()}
     torques = sum_paths(intrinsic, reflex)
+    gain = means.pop("G")
     return Estimate(
         method="real-time",
         torque=torque_dataset(regressors.time, rate, **torques),
-        stiffness={name: means[name] for name in STIFFNESS},
-        reflex={"delay": options.delay, "G": means["G"]},
+        stiffness=means,
+        reflex={"delay": options.delay, "G": gain},
         diagnostics=diagnostics,
     )
 

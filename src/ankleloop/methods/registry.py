@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import EntryPoint
 from typing import Any, cast
 
 from ankleloop.errors import DataError
@@ -47,7 +46,12 @@ def load_registered() -> tuple[dict[str, Method], list[str]]:
     faults = []
     for entry_point in find_entry_points():
         try:
-            for method in _load(entry_point):
+            value = entry_point.load()
+            for method in value if isinstance(value, tuple) else (value,):
+                if not isinstance(method, Method):
+                    raise TypeError(
+                        f"an entry point of {GROUP} is a Method or a tuple of them, got {method!r}"
+                    )
                 methods.setdefault(method.name, method)
         except Exception as error:  # whatever the code of another package raises
             fault = f"{type(error).__name__}: {error}"
@@ -56,18 +60,6 @@ def load_registered() -> tuple[dict[str, Method], list[str]]:
                 f"({fault})."
             )
     return methods, faults
-
-
-def _load(entry_point: EntryPoint) -> tuple[Method, ...]:
-    """Methods of an entry point: a `Method`, or a tuple of them."""
-    value = entry_point.load()
-    methods = value if isinstance(value, tuple) else (value,)
-    for method in methods:
-        if not isinstance(method, Method):
-            raise TypeError(
-                f"an entry point of {GROUP} is a Method or a tuple of them, got {method!r}"
-            )
-    return methods
 
 
 def _describe_no_default() -> str:

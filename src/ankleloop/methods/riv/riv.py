@@ -15,7 +15,6 @@ from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.method import (
-    INPUTS,
     NOMINAL_DELAY,
     POSITION,
     BasisOptions,
@@ -128,10 +127,14 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
 
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
     """Solution of the equations, with the delay as an unknown or not."""
-    inputs = options.model_dump(include={*INPUTS, "reference"})
-    inputs["basis"] = options.basis or "rectifier"
-    inputs["delay"] = NOMINAL_DELAY if options.delay is None else options.delay
-    equations = Equations(trial, trial.regressors(**inputs), options.weighting)
+    regressors = trial.regressors(
+        delay=NOMINAL_DELAY if options.delay is None else options.delay,
+        basis=options.basis or "rectifier",
+        degree=options.degree,
+        identification_rate=options.identification_rate,
+        reference=options.reference,
+    )
+    equations = Equations(trial, regressors, options.weighting)
     return solve(equations, equations.find_start(options.order, estimate_delay=estimate_delay))
 
 

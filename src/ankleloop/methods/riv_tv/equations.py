@@ -125,6 +125,8 @@ class TimeVaryingEquations:
 
     def lead(self, parameters: Parameters) -> np.ndarray:
         """Transform of the torque, ahead by its lag."""
+        if not parameters.lag:
+            return self.torque
         return self.torque * np.exp(self.transform.s * parameters.lag)
 
     def whitener(self, weighting: Weighting) -> Whitener:

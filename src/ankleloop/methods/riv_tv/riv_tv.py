@@ -118,7 +118,7 @@ def _estimate(
     dynamics = solution.parameters.dynamics.values
     places = np.linspace(0.0, 1.0, PLACES)
     coordinate = np.linspace(*course.limits, PLACES)
-    curves = solution.find_trajectories(places)
+    curves, excitations = solution.find_trajectories(places)
     model = _make_model(trial, solution, options)
     means = solution.means
     reflex = {"delay": solution.delay, "G": means.pop("G"), **dynamics}
@@ -142,7 +142,7 @@ def _estimate(
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
             "variation_p": solution.variation_p,
-            "excitation": solution.find_excitation(places),
+            "excitation": excitations,
             "torque_lag": solution.parameters.lag,
             "reference": options.reference,
             "warnings": _warnings(trial, solution, coordinate, curves),

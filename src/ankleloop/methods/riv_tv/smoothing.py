@@ -66,8 +66,8 @@ def choose_penalties(
             trace = np.sum(inverse[block, block] * splines.penalty)
             fitted = max(splines.rank - penalties[name] * trace, LEAST_FREEDOM)
             likeliest = factors[name] * variance * fitted / max(roughness, LEAST_ROUGHNESS)
-            limits = typical[name] * np.array([SMALLEST_PENALTY, LARGEST_PENALTY])
-            renewed[name] = float(np.clip(likeliest, *limits))
+            smallest = SMALLEST_PENALTY * typical[name]
+            renewed[name] = min(max(likeliest, smallest), LARGEST_PENALTY * typical[name])
         penalties = renewed
     return SmoothSolution(values, penalties, variance)
 

@@ -117,39 +117,36 @@ class TimeVaryingSolution:
         variances = np.sum(weights @ self.covariance[block, block] * weights, axis=-1)
         return np.sqrt(np.maximum(variances, 0.0))
 
-    def find_trajectories(self, places: np.ndarray) -> dict[str, np.ndarray]:
-        """What varies, with the ends of its bands: K, K_low, K_high, …; nan where the record shows nothing.
+    def find_trajectories(
+        self, places: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """What varies, with the ends of its bands, K, K_low, K_high, …; and the excitation behind it.
 
-        Shapes: places (places,); returns (places,).
-        """
-        bases = self.equations.bases
-        excitation = self.find_excitation(places)
-        curves = {}
-        for name in bases.trajectories:
-            weights = bases.splines[name](places)
-            curve = weights @ self.parameters.linear[bases.blocks[name]]
-            curve[excitation[name] < IDENTIFIED] = np.nan
-            margin = self.quantile * self._deviate(name, weights) if self.converged else np.nan
-            curves[name] = curve
-            curves[f"{name}_low"] = curve - margin
-            curves[f"{name}_high"] = curve + margin
-        return curves
-
-    def find_excitation(self, places: np.ndarray) -> dict[str, np.ndarray]:
-        """Information of the record about each trajectory over its mean, for splines of equal size.
+        The excitation is the information of the record about a trajectory over its mean, for splines of equal size.
+        Where the record shows nothing the trajectory is nan.
 
         Shapes: places (places,); returns (places,).
         """
         bases = self.equations.bases
         information = np.diag(self.system.information)
-        excitation = {}
+        curves = {}
+        excitations = {}
         for name in bases.trajectories:
             splines = bases.splines[name]
+            block = bases.blocks[name]
             squares = splines(np.linspace(0.0, 1.0, INTEGRATION_PLACES)) ** 2
-            density = information[bases.blocks[name]] / squares.mean(axis=0)
+            density = information[block] / squares.mean(axis=0)
             mean = max(float(density.mean()), np.finfo(float).tiny)
-            excitation[name] = splines(places) @ (density / mean)
-        return excitation
+            weights = splines(places)
+            excitation = weights @ (density / mean)
+            curve = weights @ self.parameters.linear[block]
+            curve[excitation < IDENTIFIED] = np.nan
+            margin = self.quantile * self._deviate(name, weights) if self.converged else np.nan
+            curves[name] = curve
+            curves[f"{name}_low"] = curve - margin
+            curves[f"{name}_high"] = curve + margin
+            excitations[name] = excitation
+        return curves, excitations
 
     @property
     def variation_p(self) -> dict[str, float]:

@@ -58,7 +58,7 @@ class NoiseModel:
 
     def __init__(self, course: Course, transform: PaddedTransform, weighting: str) -> None:
         rows = course.rows
-        samples = rows.stop - rows.start
+        samples = course.segment.size
         frequency = transform.frequency
         self.transform = transform
         self.rows = rows
