@@ -115,8 +115,9 @@ def select_options(
     inputs = {
         "delay": NOMINAL_DELAY if delay is None else delay,
         "identification_rate": options.get("identification_rate", 100.0),
+        "reference": reference if has_reference else None,
     }
-    halves = _halve(record, reference if has_reference else None, inputs)
+    halves = _halve(record, inputs)
     rows: list[dict[str, Any]] = []
     # By the number of the candidate, of those that could be fitted.
     losses: dict[int, np.ndarray] = {}
@@ -189,7 +190,7 @@ def check_selection(
     return {name: list(values) for name, values in select.items()}
 
 
-def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any]) -> list[Half]:
+def _halve(record: xr.Dataset, inputs: Mapping[str, Any]) -> list[Half]:
     """Each half of a record to test on, and the other one to fit to."""
     time = record["time"].values
     end = time[-1] + 1.0 / float(record.attrs["sampling_rate"])
@@ -203,14 +204,14 @@ def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any])
     first, second = (prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges))
     halves = []
     for training, test in ((second, first), (first, second)):
-        instruments = None if reference is None else _instruments(test, reference, inputs)
+        instruments = None if inputs["reference"] is None else _instruments(test, inputs)
         halves.append(Half(training, test, instruments))
     return halves
 
 
-def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, Any]) -> Instruments:
+def _instruments(test: PreparedTrial, inputs: Mapping[str, Any]) -> Instruments:
     """Leads and lags of the position that the reference explains, and of splines of its velocity."""
-    regressors = test.regressors(**inputs, basis="spline", degree=SPLINE_TERMS, reference=reference)
+    regressors = test.regressors(**inputs, basis="spline", degree=SPLINE_TERMS)
     predicted = test.predict_inputs(regressors)
     rate = regressors.rate
     leads = round(POSITION_LAGS * rate)
@@ -265,8 +266,6 @@ def _test(torque: xr.Dataset, half: Half) -> dict[str, np.ndarray]:
     is_scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
     time = time[is_scored]
     signals = np.stack([torque[MEASURED] - torque["net"], torque[MEASURED]])[:, is_scored]
-    if not np.isfinite(signals).all():
-        raise DataError("the prediction of unseen data is not finite.")
     signals -= signals.mean(axis=1, keepdims=True)
     explainable = {"cross-validation": signals}
     if half.instruments is not None:

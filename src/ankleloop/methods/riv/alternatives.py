@@ -38,27 +38,27 @@ class Effect:
 
 EFFECTS = {
     "delay": Effect(
-        "a reflex delay of {:.3g} ms", "give no delay, so that it is estimated", factor=1e3
+        "a reflex delay of {size:.3g} ms", "give no delay, so that it is estimated", factor=1e3
     ),
-    "pole": Effect("a third pole of the reflex at {:.3g} rad/s", "take order=3"),
-    "lag": Effect(
-        "a torque recorded {:.2g} ms {} the position",
+    "pole": Effect("a third pole of the reflex at {size:.3g} rad/s", "take order=3"),
+    "torque_lag": Effect(
+        "a torque recorded {length:.2g} ms {order} the position",
         "record both through equal filters",
         factor=1e3,
     ),
     "high-pass": Effect(
-        "a high-pass of {:.2g} Hz in the torque",
+        "a high-pass of {size:.2g} Hz in the torque",
         "record without AC coupling or removal of drift",
         factor=0.5 / np.pi,
         one_sided=True,
     ),
     "friction": Effect(
-        "a friction of {:.2g} N·m",
+        "a friction of {size:.2g} N·m",
         "measure the friction of the bearing, and subtract it",
         one_sided=True,
     ),
     "direction": Effect(
-        "a reflex gain of {:.3g} N·m·s/rad in the other direction",
+        "a reflex gain of {size:.3g} N·m·s/rad in the other direction",
         "if the axis is turned round, give position_sign={position_sign}, torque_sign={torque_sign} to read_trial",
     ),
     "compression": Effect(
@@ -83,9 +83,8 @@ class Alternative:
         """The effect in words."""
         effect = EFFECTS[self.effect]
         size = effect.factor * self.value
-        if self.effect == "lag":
-            return effect.text.format(abs(size), "after" if size > 0.0 else "before")
-        return effect.text.format(size)
+        order = "after" if size > 0.0 else "before"
+        return effect.text.format(size=size, length=abs(size), order=order)
 
     @property
     def significant(self) -> bool:
@@ -165,7 +164,7 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     with the effect as a further unknown.
     """
     parameters = solution.point.parameters
-    effects = ["lag", "high-pass", "friction", "compression"]
+    effects = ["torque_lag", "high-pass", "friction", "compression"]
     if parameters.linear.size == MOTION + 1:  # other bases answer both directions
         effects.append("direction")
     alternatives = [_free_effect(effect, solution) for effect in effects]
@@ -195,7 +194,7 @@ def _free_effect(effect: str, solution: Search) -> Alternative:
         size += _step(freed, *derivatives)[0]
         equations = copy(origin)
         equations.torque = origin.torque - size * derivatives[0]
-        if effect == "lag":
+        if effect == "torque_lag":
             equations.torque = origin.torque * np.exp(origin.band.s * size)
         freed = solve(equations, freed.point.parameters)
     shifts = compute_shifts(solution.point.values, freed.point.values)
@@ -211,7 +210,7 @@ def _differentiate(effect: str, point: Point, origin: Equations) -> np.ndarray:
     band = origin.band
     linear = point.parameters.linear
     predicted_torque = linear @ point.instruments[: linear.size]
-    if effect == "lag":
+    if effect == "torque_lag":
         return -band.s * np.stack([equations.torque, predicted_torque])
     if effect == "high-pass":
         return -np.stack([origin.torque, predicted_torque]) / band.s

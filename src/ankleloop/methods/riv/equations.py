@@ -286,11 +286,10 @@ class Equations:
         """Best of a grid of dynamics for the predicted position, a fit to the torque that it explains."""
         start_delay = self.delay if estimate_delay else None
         shifts, responses, delays = make_grid(self.band, order, start_delay)
-        white = np.ones(self.torque.size)
-        linear, best, residual = fit_grid(self.predicted, self.torque, responses, delays, white)
-        if self.weighting == "noise":
+        noise = np.ones(self.torque.size)
+        for _ in range(2 if self.weighting == "noise" else 1):
+            linear, best, residual = fit_grid(self.predicted, self.torque, responses, delays, noise)
             noise = self.smooth_power(residual)
-            linear, best, _ = fit_grid(self.predicted, self.torque, responses, delays, noise)
         number, late = divmod(best, shifts.size)
         return Parameters(
             linear=linear,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -26,10 +25,6 @@ class Inputs:
     motion: Motion
     intrinsic: np.ndarray  # shape (splines of K, B and I, frequencies)
     drive: np.ndarray  # shape (splines of G, frequencies): of the reflex, for a delay
-
-
-# Makes whitened signals of spectra, and takes out of them what repeats: shape (..., rows).
-Whitener = Callable[[np.ndarray], np.ndarray]
 
 
 class WhitenedSystem:
@@ -70,7 +65,7 @@ class TimeVaryingEquations:
         self.repeated: CycleMean | SmoothPart = self.smooth_part
         if self.course.equal_cycles:
             self.repeated = CycleMean(self.course.rows, self.course.equal_cycles)
-        self._unweighted = self.whitener(Weighting(self.transform, self.course.rows))
+        self._unweighted = self.whitener(self._cut)
         torque = trial.channel("torque", self.grid)
         self.torque = self.spectra(torque - torque.mean())
         slow = self.smooth_part.part(trial.motion(self.grid)[0])
@@ -129,19 +124,23 @@ class TimeVaryingEquations:
             return self.torque
         return self.torque * np.exp(self.transform.s * parameters.lag)
 
-    def whitener(self, weighting: Weighting) -> Whitener:
+    def _cut(self, spectra: np.ndarray) -> np.ndarray:
+        """Signals of the samples that count, shape (..., rows)."""
+        return self.transform.signals(spectra)[..., self.course.rows]
+
+    def whitener(self, weighting: Weighting) -> Weighting:
         """Whitener with some weights."""
         repeated = self.repeated.weighted(weighting)
         return lambda spectra: repeated.deviation(weighting(spectra))
 
-    def noise_whitener(self, parameters: Parameters) -> Whitener:
+    def noise_whitener(self, parameters: Parameters) -> Weighting:
         """Whitener of the noise: the residual torque less what repeats with the cycle."""
         inputs = self.measured
         explained = parameters.torque(inputs.intrinsic, inputs.drive, self.transform.s)
         residual = self._unweighted(self.lead(parameters) - explained)
         return self.whitener(self.noise.whiten(residual))
 
-    def system(self, parameters: Parameters, whitener: Whitener) -> WhitenedSystem:
+    def system(self, parameters: Parameters, whitener: Weighting) -> WhitenedSystem:
         """Whitened system at some parameters."""
         sides = [self.measured] if self.open_loop else [self.measured, self.predicted]
         derivatives = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 from scipy import linalg
@@ -39,18 +39,8 @@ class PaddedTransform:
         return irfft(spectra, self.size)[..., : self.samples]
 
 
-@dataclass(frozen=True, eq=False)
-class Weighting:
-    """Makes signals of spectra: frequencies are multiplied by a weight, and times divided by a level."""
-
-    transform: PaddedTransform
-    rows: slice  # samples that count
-    weight: np.ndarray | float = 1.0  # shape (frequencies,)
-    level: np.ndarray | float = 1.0  # shape (rows,)
-
-    def __call__(self, spectra: np.ndarray) -> np.ndarray:
-        """Weighted signals of spectra, shape (..., rows)."""
-        return self.transform.signals(self.weight * spectra)[..., self.rows] / self.level
+# Makes signals of spectra, of the samples that count alone: shape (..., rows).
+Weighting = Callable[[np.ndarray], np.ndarray]
 
 
 class NoiseModel:
@@ -107,7 +97,11 @@ class NoiseModel:
         Shapes: power (frequencies,), level (rows,).
         """
         weight = np.where(self.inside, 1.0 / np.sqrt(power), 0.0)
-        return Weighting(self.transform, self.rows, weight, level)
+
+        def weighting(spectra: np.ndarray) -> np.ndarray:
+            return self.transform.signals(weight * spectra)[..., self.rows] / level
+
+        return weighting
 
     def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Whitened signals with the spectrum of a whitened residual over its mean, shape (..., rows).
