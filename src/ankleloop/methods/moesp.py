@@ -29,6 +29,7 @@ from ankleloop.methods.method import (
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp
+from ankleloop.subspace.sources import check_rows
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
 # squares would give torques that are huge and cancel. Without it the regression is far from this (condition below 100).
@@ -57,7 +58,14 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
 # Options that regressors are made by.
 INPUTS = {"delay", "degree", "identification_rate"}
 # Options that mean the same there.
-SHARED_OPTIONS = {"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}
+SHARED_OPTIONS = {
+    "block_rows",
+    "order",
+    "instrument_rows",
+    "instrument_leads",
+    "rank_tolerance",
+    "input_matrices",
+}
 
 
 class MoespOptions(KnownDelayOptions, BasisOptions):
@@ -104,13 +112,7 @@ class MoespOptions(KnownDelayOptions, BasisOptions):
 
     @model_validator(mode="after")
     def _check_rows(self) -> Self:
-        rows, leads, order = self.block_rows, self.instrument_leads, self.order or 1
-        if rows <= order:
-            raise ValueError(f"block_rows must be larger than the order ({order}), got {rows}.")
-        if leads > rows:
-            raise ValueError(
-                f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}."
-            )
+        check_rows(self.block_rows, self.order, self.instrument_leads)
         return self
 
 
@@ -196,7 +198,6 @@ def _fit_model(
     return moesp(
         [part.inputs for part in regressors],
         [part.torque for part in regressors],
-        input_matrices=options.input_matrices,
         **arguments,
     )
 

@@ -126,17 +126,21 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
     response = np.polyval(reflex[::-1], np.exp(-spectra.s / rate))
     path = separate_path(response[:, None], spectra, regressors.basis)
-    diagnostics = {"passes": len(history), "converged": converged, "history": history}
-    diagnostics |= path.diagnostics
-    diagnostics["warnings"] = []
+    warnings = []
     if not converged and options.max_passes is None:
-        diagnostics["warnings"] = [f"no convergence within {PASS_CEILING} passes"]
+        warnings = [f"no convergence within {PASS_CEILING} passes"]
     return Estimate(
         method="parallel-cascade",
         torque=torque,
         stiffness=regressors.fit_stiffness(torque["intrinsic"].values, rows),
         reflex={"delay": options.delay, **path.valid_parameters},
-        diagnostics=diagnostics,
+        diagnostics={
+            "passes": len(history),
+            "converged": converged,
+            "history": history,
+            **path.diagnostics,
+            "warnings": warnings,
+        },
         predictor=model,
     )
 
@@ -145,19 +149,17 @@ def _alternate(
     lagged: Sequence[np.ndarray], target: np.ndarray, options: ParallelCascadeOptions
 ) -> tuple[list[np.ndarray], list[float], bool]:
     """Torques of both paths by alternating least squares; the history holds the net VAF after each pass."""
-    directions = [linalg.orth(part, SIGNIFICANT) for part in lagged]
-    torques = [np.zeros_like(target), np.zeros_like(target)]
+    intrinsic_directions, reflex_directions = (linalg.orth(part, SIGNIFICANT) for part in lagged)
+    reflex = np.zeros_like(target)
     history: list[float] = []
-    most = options.max_passes or PASS_CEILING
-    while len(history) < most:
-        for path, other in ((0, 1), (1, 0)):
-            rest = target - torques[other]
-            torques[path] = directions[path] @ (directions[path].T @ rest)
-        residual = target - torques[0] - torques[1]
+    for _ in range(options.max_passes or PASS_CEILING):
+        intrinsic = intrinsic_directions @ (intrinsic_directions.T @ (target - reflex))
+        reflex = reflex_directions @ (reflex_directions.T @ (target - intrinsic))
+        residual = target - intrinsic - reflex
         history.append(float(100 * (1 - residual @ residual / (target @ target))))
         if len(history) > 1 and history[-1] - history[-2] < options.tolerance:
-            return torques, history, True
-    return torques, history, False
+            return [intrinsic, reflex], history, True
+    return [intrinsic, reflex], history, False
 
 
 METHODS = (

@@ -54,10 +54,9 @@ def load_registered() -> tuple[dict[str, Method], list[str]]:
                     )
                 methods.setdefault(method.name, method)
         except Exception as error:  # whatever the code of another package raises
-            fault = f"{type(error).__name__}: {error}"
             faults.append(
                 f"The methods {entry_point.name!r} of the package {name_package(entry_point)} cannot be loaded "
-                f"({fault})."
+                f"({type(error).__name__}: {error})."
             )
     return methods, faults
 

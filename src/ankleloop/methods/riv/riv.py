@@ -157,11 +157,12 @@ def _estimate(
     reflex = point.values
     stiffness = {name: reflex.pop(name) for name in STIFFNESS}
     kind = None
-    errors: dict[str, float] = {}
-    intervals: dict[str, tuple[float, float]] = {}
+    deviations: dict[str, float] = {}
+    quantile = TWO_SIDED
     if solution.converged:
         kind = options.intervals or ("robust" if point.movement_p < INCOMPLETE else "asymptotic")
-        errors, intervals = _quantify(solution, kind)
+        deviations, quantile = _quantify(solution, kind)
+    errors, intervals = estimate_intervals(point.values, deviations, quantile)
     inputs = ModelInputs.of(equations.regressors, reflex["delay"])
     model = PhysicalModel(
         inputs=inputs,
@@ -195,10 +196,8 @@ def _estimate(
     )
 
 
-def _quantify(
-    solution: Search, kind: str
-) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Standard errors and intervals of one kind."""
+def _quantify(solution: Search, kind: str) -> tuple[dict[str, float], float]:
+    """Standard deviations for intervals of one kind, and half of such an interval over them."""
     point = solution.point
     if kind == "robust":
         covariance, freedom = robust_covariance(point, solution.free)
@@ -206,8 +205,7 @@ def _quantify(
     else:
         covariance = point.covariance(solution.free)
         quantile = TWO_SIDED
-    deviations = estimate_deviations(point, covariance, solution.free)
-    return estimate_intervals(point.values, deviations, quantile)
+    return estimate_deviations(point, covariance, solution.free), quantile
 
 
 def _warnings(solution: Search) -> list[str]:

@@ -65,7 +65,9 @@ class TimeVaryingEquations:
         self.repeated: CycleMean | SmoothPart = self.smooth_part
         if self.course.equal_cycles:
             self.repeated = CycleMean(self.course.rows, self.course.equal_cycles)
-        self._unweighted = self.whitener(self._cut)
+        self._unweighted = self.whitener(
+            lambda spectra: self.transform.signals(spectra)[..., self.course.rows]
+        )
         torque = trial.channel("torque", self.grid)
         self.torque = self.spectra(torque - torque.mean())
         slow = self.smooth_part.part(trial.motion(self.grid)[0])
@@ -123,10 +125,6 @@ class TimeVaryingEquations:
         if not parameters.lag:
             return self.torque
         return self.torque * np.exp(self.transform.s * parameters.lag)
-
-    def _cut(self, spectra: np.ndarray) -> np.ndarray:
-        """Signals of the samples that count, shape (..., rows)."""
-        return self.transform.signals(spectra)[..., self.course.rows]
 
     def whitener(self, weighting: Weighting) -> Weighting:
         """Whitener with some weights."""

@@ -34,11 +34,12 @@ def measure_motion(trial: PreparedTrial, grid: Grid, slow: np.ndarray) -> Motion
     Shapes: slow (N,): slow part of the position.
     """
     position, velocity, acceleration = trial.motion(grid)
-
-    def rectify(delay: float) -> np.ndarray:
-        return decimate(np.maximum(0.0, trial.velocity(delay)), *grid)
-
-    return Motion(position - slow, velocity, acceleration, rectify)
+    return Motion(
+        position=position - slow,
+        velocity=velocity,
+        acceleration=acceleration,
+        rectify=lambda delay: decimate(np.maximum(0.0, trial.velocity(delay)), *grid),
+    )
 
 
 def predict_motion(

@@ -23,7 +23,7 @@ from ankleloop.methods.riv.riv import estimate_intervals
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
-from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
+from ankleloop.methods.riv_tv.solution import MOST_ROUNDS, TimeVaryingSolution, solve_time_varying
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
@@ -115,17 +115,15 @@ def _estimate(
     """Torques, trajectories with their bands, and means over the record."""
     equations = solution.equations
     course = equations.course
-    dynamics = solution.parameters.dynamics.values
     places = np.linspace(0.0, 1.0, PLACES)
     coordinate = np.linspace(*course.limits, PLACES)
     curves, excitations = solution.find_trajectories(places)
     model = _make_model(trial, solution, options)
     means = solution.means
-    reflex = {"delay": solution.delay, "G": means.pop("G"), **dynamics}
+    reflex = {"delay": solution.delay, "G": means.pop("G"), **solution.parameters.dynamics.values}
     values = {**means, **reflex}
-    intervals: dict[str, tuple[float, float]] = {}
-    if solution.converged:
-        intervals = estimate_intervals(values, solution.deviations, solution.quantile)[1]
+    deviations = solution.deviations if solution.converged else {}
+    _, intervals = estimate_intervals(values, deviations, solution.quantile)
     schedule = {}
     if options.schedule:
         unit = str(trial.trial[options.schedule].attrs.get("units", ""))
@@ -217,7 +215,7 @@ def _warnings(
         )
     if not solution.converged:
         warnings.append(
-            f"not converged after {solution.rounds} rounds: the trajectories have no bands."
+            f"not converged after {MOST_ROUNDS} rounds: the trajectories have no bands."
         )
     return warnings
 

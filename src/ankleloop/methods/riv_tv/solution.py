@@ -38,7 +38,6 @@ class TimeVaryingSolution:
     system: WhitenedSystem  # whitened system with its regressors at the solution
     penalty: np.ndarray  # shape (unknowns, unknowns): penalties with their weights
     variance: float  # variance of the whitened noise at a frequency of the band
-    rounds: int
     converged: bool  # whether the dynamics of the reflex moved no more
 
     @cached_property
@@ -226,7 +225,6 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
         system=system,
         penalty=equations.bases.penalty(solution.penalties, len(solution.values)),
         variance=solution.variance,
-        rounds=number,
         converged=converged,
     )
 

@@ -97,11 +97,7 @@ class NoiseModel:
         Shapes: power (frequencies,), level (rows,).
         """
         weight = np.where(self.inside, 1.0 / np.sqrt(power), 0.0)
-
-        def weighting(spectra: np.ndarray) -> np.ndarray:
-            return self.transform.signals(weight * spectra)[..., self.rows] / level
-
-        return weighting
+        return lambda spectra: self.transform.signals(weight * spectra)[..., self.rows] / level
 
     def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Whitened signals with the spectrum of a whitened residual over its mean, shape (..., rows).
