@@ -100,18 +100,17 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
         )
     chunk = max(1, round(rate / UPDATE_RATE))
     forgetting = float(np.exp(-1.0 / (options.memory * rate)))
-    steps = (forgetting, chunk, first)
     # The operating point is that of the settling time: later samples are not known when the parameters begin to count.
     known = slice(0, max(first, round(SHORTEST_LEVEL * rate)))
     torque = regressors.torque - regressors.torque[known].mean()
     motion = regressors.inputs[:, :MOTION].copy()
     motion[:, 0] -= motion[known, 0].mean()
-    intrinsic, stiffness = _track(motion, torque, *steps)
+    intrinsic, stiffness = _track(motion, torque, forgetting, chunk, first)
     drive = regressors.inputs[:, -1]
     longest = round(options.reflex_lags * rate)
     earlier = np.full(longest, drive[0])  # before the record it has its first value
     lagged = lag_matrix(np.concatenate((earlier, drive)), 0, longest)
-    reflex, responses = _track(lagged, torque - intrinsic, *steps)
+    reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)
     traces = dict(zip(STIFFNESS, stiffness.T, strict=True))
     traces["G"] = responses.sum(axis=1)
     time = regressors.time[::chunk]

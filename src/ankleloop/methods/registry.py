@@ -47,7 +47,8 @@ def load_registered() -> tuple[dict[str, Method], list[str]]:
     for entry_point in find_entry_points():
         try:
             value = entry_point.load()
-            for method in value if isinstance(value, tuple) else (value,):
+            loaded = value if isinstance(value, tuple) else (value,)
+            for method in loaded:
                 if not isinstance(method, Method):
                     raise TypeError(
                         f"an entry point of {GROUP} is a Method or a tuple of them, got {method!r}"
