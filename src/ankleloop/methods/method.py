@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any, Literal, NamedTuple, Self, cast
 
@@ -20,7 +20,6 @@ from ankleloop.quantities import QUANTITIES
 
 Trial = xr.Dataset | PreparedTrial
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
-INPUTS = {"delay", "degree", "identification_rate"}  # options that regressors are made by
 POSITION = {"reference": "position"}  # options of a method that needs a reference, in open loop
 
 
@@ -118,7 +117,7 @@ class Offer(NamedTuple):
     changing: bool = False  # whether it is only for a joint that changes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Method:
     """A method under its name.
 
@@ -157,8 +156,8 @@ class Method:
     identify: Callable[[Any, Any], Any]
     reference: Callable[[Any], str | None] = lambda options: getattr(options, "reference", None)
     merges: bool = False
-    validity: Validity = field(default=UNKNOWN, hash=False)
-    offer: Offer | None = field(default=None, hash=False)
+    validity: Validity = UNKNOWN
+    offer: Offer | None = None
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Any:
         """Identify a trial, or a list of trials that are merged: an estimate, or a list with one for each of them."""
@@ -199,8 +198,8 @@ class Method:
         """The estimate with this method's name, the measured torque, what was taken for granted, and all warnings."""
         diagnostics = dict(estimate.diagnostics)
         diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
-        own = [*diagnostics.get("warnings", ()), *_list_faults(estimate)]
-        diagnostics["warnings"] = [*own, *data_warnings]
+        faults = _list_faults(estimate)
+        diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
         if data_warnings:
             diagnostics["data_warnings"] = list(data_warnings)
         named = replace(estimate, method=self.name, diagnostics=diagnostics)
@@ -243,14 +242,15 @@ def _list_faults(estimate: Estimate) -> list[str]:
     for name, value in values.items():
         quantity = QUANTITIES.get(name)
         is_given = name == "delay" and name not in estimate.intervals
-        if quantity is None or is_given or name in missing:
+        if quantity is None or is_given:
             continue
         least, most = quantity.plausible
         low, high = estimate.intervals.get(name, (value, value))
-        if high >= least and low <= most:
-            continue
-        fault = "negative, which no joint has" if value < 0 else f"not within {least:g} … {most:g}"
-        warnings.append(
-            f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate."
-        )
+        if high < least or low > most:
+            fault = f"not within {least:g} … {most:g}"
+            if value < 0:
+                fault = "negative, which no joint has"
+            warnings.append(
+                f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate."
+            )
     return warnings

@@ -19,7 +19,6 @@ from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torque
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, InputStep, Regressors
 from ankleloop.methods.method import (
-    INPUTS,
     POSITION,
     BasisOptions,
     KnownDelayOptions,
@@ -29,8 +28,8 @@ from ankleloop.methods.method import (
 )
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
-from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp
+from ankleloop.subspace.sources import check_rows
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
 # squares would give torques that are huge and cancel. Without it the regression is far from this (condition below 100).
@@ -56,8 +55,17 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
     "scaling": {"scaling": False},
     "mean-removal": {"offsets": False},
 }
+# Options that regressors are made by.
+INPUTS = {"delay", "degree", "identification_rate"}
 # Options that mean the same there.
-SHARED_OPTIONS = {"block_rows", "order", "instrument_rows", "instrument_leads", "rank_tolerance"}
+SHARED_OPTIONS = {
+    "block_rows",
+    "order",
+    "instrument_rows",
+    "instrument_leads",
+    "rank_tolerance",
+    "input_matrices",
+}
 
 
 class MoespOptions(KnownDelayOptions, BasisOptions):
@@ -104,13 +112,7 @@ class MoespOptions(KnownDelayOptions, BasisOptions):
 
     @model_validator(mode="after")
     def _check_rows(self) -> Self:
-        rows, leads, order = self.block_rows, self.instrument_leads, self.order or 1
-        if rows <= order:
-            raise ValueError(f"block_rows must be larger than the order ({order}), got {rows}.")
-        if leads > rows:
-            raise ValueError(
-                f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}."
-            )
+        check_rows(self.block_rows, self.order, self.instrument_leads)
         return self
 
 
@@ -191,12 +193,11 @@ def _fit_model(
     if options.input_matrices == "instruments":
         pairs = zip(trials, regressors, strict=True)
         arguments["predicted_inputs"] = [trial.predict_inputs(part) for trial, part in pairs]
-    if _find_reference(member, options) is not None:
+    if regressors[0].reference is not None:
         arguments["reference"] = [part.reference for part in regressors]
     return moesp(
         [part.inputs for part in regressors],
         [part.torque for part in regressors],
-        input_matrices=options.input_matrices,
         **arguments,
     )
 
@@ -237,7 +238,10 @@ def _describe_model(
 ) -> Estimate:
     """Estimate of a model, with K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
     if options.omitted_step == "mean-removal":
-        state = state - _rest_state(model.matrices, part.inputs)
+        A = model.matrices.A
+        rest_input = model.matrices.B @ part.inputs.mean(axis=0)
+        # Less the state of rest under the mean inputs.
+        state = state - np.linalg.solve(np.eye(len(A)) - A, rest_input)
     inputs = ModelInputs.of(part)
     matrices = inputs.label(model.matrices)
     torque = simulate_torques(model.matrices, state, part)
@@ -249,26 +253,19 @@ def _describe_model(
         torque=torque,
         stiffness=stiffness,
         reflex={"delay": inputs.delay, **path.valid_parameters},
-        diagnostics=_describe_fit(member, options, model, path),
+        diagnostics=_describe_fit(options, model, path, part.reference_name),
         predictor=StateSpaceModel(inputs, matrices, state),
     )
 
 
-def _rest_state(matrices: Matrices, inputs: np.ndarray) -> np.ndarray:
-    """State of rest under the mean inputs."""
-    A, B = matrices.A, matrices.B
-    return np.linalg.solve(np.eye(len(A)) - A, B @ inputs.mean(axis=0))
-
-
 def _describe_fit(
-    member: str, options: MoespOptions, model: SubspaceEstimate, path: ReflexPath
+    options: MoespOptions, model: SubspaceEstimate, path: ReflexPath, reference: str | None
 ) -> dict[str, Any]:
     """Diagnostics of a model, which all merged trials have alike."""
     diagnostics = {"singular_values": model.singular_values, **model.diagnostics}
     diagnostics |= path.diagnostics
     if path.basis.caution:
         diagnostics["assumptions"] = [path.basis.caution]
-    reference = _find_reference(member, options)
     if reference is not None:
         diagnostics["reference"] = reference
     if options.omitted_step is not None:

@@ -14,7 +14,6 @@ from ankleloop.joint.models import ModelInputs, ResponseModel
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import (
-    INPUTS,
     KnownDelayOptions,
     Method,
     Offer,
@@ -102,8 +101,11 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     >>> bool(estimate.diagnostics["converged"]), bool(abs(estimate.stiffness["K"] - 150) < 2)
     (True, True)
     """
-    inputs = options.model_dump(include=INPUTS)
-    regressors = trial.regressors(**inputs, basis="rectifier")
+    regressors = trial.regressors(
+        delay=options.delay,
+        basis="rectifier",
+        identification_rate=options.identification_rate,
+    )
     rate = regressors.rate
     leads = round(options.intrinsic_lags * rate)
     longest = round(options.reflex_lags * rate)
@@ -112,7 +114,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     unknowns = 2 * leads + longest + 2
     if rows.size < 2 * unknowns:
         raise DataError(
-            f"the record leaves {max(rows.size, 0)} samples for {unknowns} unknowns: record longer or shorten the lags."
+            f"the record leaves {rows.size} samples for {unknowns} unknowns: record longer or shorten the lags."
         )
 
     *lagged, target = _compress(trial, regressors, leads, longest)
@@ -124,17 +126,21 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
     response = np.polyval(reflex[::-1], np.exp(-spectra.s / rate))
     path = separate_path(response[:, None], spectra, regressors.basis)
-    diagnostics = {"passes": len(history), "converged": converged, "history": history}
-    diagnostics |= path.diagnostics
-    diagnostics["warnings"] = []
+    warnings = []
     if not converged and options.max_passes is None:
-        diagnostics["warnings"] = [f"no convergence within {PASS_CEILING} passes"]
+        warnings = [f"no convergence within {PASS_CEILING} passes"]
     return Estimate(
         method="parallel-cascade",
         torque=torque,
         stiffness=regressors.fit_stiffness(torque["intrinsic"].values, rows),
         reflex={"delay": options.delay, **path.valid_parameters},
-        diagnostics=diagnostics,
+        diagnostics={
+            "passes": len(history),
+            "converged": converged,
+            "history": history,
+            **path.diagnostics,
+            "warnings": warnings,
+        },
         predictor=model,
     )
 
@@ -143,19 +149,17 @@ def _alternate(
     lagged: Sequence[np.ndarray], target: np.ndarray, options: ParallelCascadeOptions
 ) -> tuple[list[np.ndarray], list[float], bool]:
     """Torques of both paths by alternating least squares; the history holds the net VAF after each pass."""
-    directions = [linalg.orth(part, SIGNIFICANT) for part in lagged]
-    torques = [np.zeros_like(target), np.zeros_like(target)]
+    intrinsic_directions, reflex_directions = (linalg.orth(part, SIGNIFICANT) for part in lagged)
+    reflex = np.zeros_like(target)
     history: list[float] = []
-    most = options.max_passes or PASS_CEILING
-    while len(history) < most:
-        for path, other in ((0, 1), (1, 0)):
-            rest = target - torques[other]
-            torques[path] = directions[path] @ (directions[path].T @ rest)
-        residual = target - torques[0] - torques[1]
+    for _ in range(options.max_passes or PASS_CEILING):
+        intrinsic = intrinsic_directions @ (intrinsic_directions.T @ (target - reflex))
+        reflex = reflex_directions @ (reflex_directions.T @ (target - intrinsic))
+        residual = target - intrinsic - reflex
         history.append(float(100 * (1 - residual @ residual / (target @ target))))
         if len(history) > 1 and history[-1] - history[-2] < options.tolerance:
-            return torques, history, True
-    return torques, history, False
+            return [intrinsic, reflex], history, True
+    return [intrinsic, reflex], history, False
 
 
 METHODS = (

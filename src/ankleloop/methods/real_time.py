@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from ankleloop.errors import DataError
@@ -12,7 +10,6 @@ from ankleloop.joint.models import sum_paths
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, torque_dataset
 from ankleloop.methods.method import (
-    INPUTS,
     KnownDelayOptions,
     Method,
     RectifierOptions,
@@ -89,8 +86,11 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     True
     """
     settling = options.memory if options.settling is None else options.settling
-    inputs = options.model_dump(include=INPUTS)
-    regressors = trial.regressors(**inputs, basis="rectifier")
+    regressors = trial.regressors(
+        delay=options.delay,
+        basis="rectifier",
+        identification_rate=options.identification_rate,
+    )
     rate = regressors.rate
     first = round(settling * rate)
     samples = regressors.torque.size
@@ -100,18 +100,17 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
         )
     chunk = max(1, round(rate / UPDATE_RATE))
     forgetting = float(np.exp(-1.0 / (options.memory * rate)))
-    track = partial(_track, forgetting=forgetting, chunk=chunk, settling=first)
     # The operating point is that of the settling time: later samples are not known when the parameters begin to count.
     known = slice(0, max(first, round(SHORTEST_LEVEL * rate)))
     torque = regressors.torque - regressors.torque[known].mean()
     motion = regressors.inputs[:, :MOTION].copy()
     motion[:, 0] -= motion[known, 0].mean()
-    intrinsic, stiffness = track(motion, torque)
+    intrinsic, stiffness = _track(motion, torque, forgetting, chunk, first)
     drive = regressors.inputs[:, -1]
     longest = round(options.reflex_lags * rate)
     earlier = np.full(longest, drive[0])  # before the record it has its first value
     lagged = lag_matrix(np.concatenate((earlier, drive)), 0, longest)
-    reflex, responses = track(lagged, torque - intrinsic)
+    reflex, responses = _track(lagged, torque - intrinsic, forgetting, chunk, first)
     traces = dict(zip(STIFFNESS, stiffness.T, strict=True))
     traces["G"] = responses.sum(axis=1)
     time = regressors.time[::chunk]
@@ -120,11 +119,12 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     diagnostics = {"settling": settling, "trace_time": time}
     diagnostics |= {f"trace_{name}": trace for name, trace in traces.items()}
     torques = sum_paths(intrinsic, reflex)
+    gain = means.pop("G")
     return Estimate(
         method="real-time",
         torque=torque_dataset(regressors.time, rate, **torques),
-        stiffness={name: means[name] for name in STIFFNESS},
-        reflex={"delay": options.delay, "G": means["G"]},
+        stiffness=means,
+        reflex={"delay": options.delay, "G": gain},
         diagnostics=diagnostics,
     )
 

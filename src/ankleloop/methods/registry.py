@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import EntryPoint
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
@@ -26,65 +25,48 @@ METHODS: Mapping[str, Method] = {
 DEFAULT = "riv"  # where there is a reference; without one no method is valid whatever the loop
 
 
-class Registered(NamedTuple):
-    """What other packages register."""
-
-    methods: dict[str, Method]  # by their names
-    faults: list[str]  # sentences about entry points that cannot be used
-
-
 def find_method(method: str | Method) -> Method:
     """The method of a name, of the library or registered by another package; a method is found as it is."""
     if isinstance(method, Method):
         return method
     if isinstance(method, str) and method in METHODS:
         return METHODS[method]
-    registered = load_registered()
-    if isinstance(method, str) and method in registered.methods:
-        return registered.methods[method]
-    known = {**METHODS, **registered.methods}
+    registered, faults = load_registered()
+    if isinstance(method, str) and method in registered:
+        return registered[method]
+    known = {**METHODS, **registered}
     message = f"unknown method {method!r}{suggest_name(method, known)}; known: {', '.join(known)}."
-    raise ValueError(" ".join([message, *registered.faults]))
+    raise ValueError(" ".join([message, *faults]))
 
 
 @cache
-def load_registered() -> Registered:
-    """Methods of the entry points of other packages, the first of a name."""
-    registered = Registered({}, [])
+def load_registered() -> tuple[dict[str, Method], list[str]]:
+    """Methods of the entry points of other packages, the first of a name; sentences about those that cannot be used."""
+    methods: dict[str, Method] = {}
+    faults = []
     for entry_point in find_entry_points():
         try:
-            for method in _load(entry_point):
-                registered.methods.setdefault(method.name, method)
+            value = entry_point.load()
+            loaded = value if isinstance(value, tuple) else (value,)
+            for method in loaded:
+                if not isinstance(method, Method):
+                    raise TypeError(
+                        f"an entry point of {GROUP} is a Method or a tuple of them, got {method!r}"
+                    )
+                methods.setdefault(method.name, method)
         except Exception as error:  # whatever the code of another package raises
-            fault = f"{type(error).__name__}: {error}"
-            registered.faults.append(
+            faults.append(
                 f"The methods {entry_point.name!r} of the package {name_package(entry_point)} cannot be loaded "
-                f"({fault})."
+                f"({type(error).__name__}: {error})."
             )
-    return registered
-
-
-def _load(entry_point: EntryPoint) -> tuple[Method, ...]:
-    """Methods of an entry point: a `Method`, or a tuple of them."""
-    value = entry_point.load()
-    methods = value if isinstance(value, tuple) else (value,)
-    for method in methods:
-        if not isinstance(method, Method):
-            raise TypeError(
-                f"an entry point of {GROUP} is a Method or a tuple of them, got {method!r}"
-            )
-    return methods
-
-
-def _takes_position(method: Method) -> bool:
-    """Whether a method needs the position as reference where there is no other."""
-    return method.validity.without_reference == POSITION
+    return methods, faults
 
 
 def _describe_no_default() -> str:
     """Why there is no default without a reference, and which methods there are if the loop is open."""
-    by_position = [repr(name) for name, method in METHODS.items() if _takes_position(method)]
-    others = [repr(name) for name, method in METHODS.items() if not _takes_position(method)]
+    methods = METHODS.values()
+    by_position = [repr(m.name) for m in methods if m.validity.without_reference == POSITION]
+    others = [name for name in map(repr, METHODS) if name not in by_position]
     return (
         "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
         "reference, or, if nothing was compliant while it was recorded (open loop), name a method: "

@@ -45,23 +45,6 @@ class Half(NamedTuple):
     instruments: Instruments | None  # of the test; None without a reference
 
 
-class Losses(NamedTuple):
-    """Squares of the torque of all tests, summed over segments, shape (segments,)."""
-
-    residual: np.ndarray
-    torque: np.ndarray
-
-    @classmethod
-    def join(cls, parts: Sequence[Losses]) -> Losses:
-        """Losses of several tests as one."""
-        return cls(*(np.hstack(arrays) for arrays in zip(*parts, strict=True)))
-
-    @property
-    def score(self) -> float:
-        """Share of the torque that is explained [%]."""
-        return float(100.0 * (1.0 - self.residual.sum() / self.torque.sum()))
-
-
 def select_options(
     trial: Trial,
     fit: Callable[..., Estimate],
@@ -132,8 +115,9 @@ def select_options(
     inputs = {
         "delay": NOMINAL_DELAY if delay is None else delay,
         "identification_rate": options.get("identification_rate", 100.0),
+        "reference": reference if has_reference else None,
     }
-    halves = _halve(record, reference if has_reference else None, inputs)
+    halves = _halve(record, inputs)
     rows: list[dict[str, Any]] = []
     # By the number of the candidate, of those that could be fitted.
     losses: dict[int, np.ndarray] = {}
@@ -147,9 +131,9 @@ def select_options(
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             row["error"] = str(error)
         else:
-            row["scores"] = {name: part.score for name, part in by_criterion.items()}
+            row["scores"] = {name: _explained_share(part) for name, part in by_criterion.items()}
             row["warnings"] = warnings
-            losses[number] = by_criterion[criterion].residual
+            losses[number] = by_criterion[criterion][0]
     if not losses:
         raise DataError(
             f"no candidate could be fitted; the first one failed with: {rows[0]['error']}"
@@ -160,6 +144,12 @@ def select_options(
     first = next(k for k, loss in comparable.items() if _is_as_good(loss, best))
     chosen = {name: rows[first][name] for name in candidates}
     return {"criterion": criterion, "candidates": rows, "chosen": chosen}
+
+
+def _explained_share(losses: np.ndarray) -> float:
+    """Share of the torque that is explained [%]."""
+    residual, torque = losses.sum(axis=1)
+    return float(100.0 * (1.0 - residual / torque))
 
 
 def _is_as_good(loss: np.ndarray, best: np.ndarray) -> bool:
@@ -200,7 +190,7 @@ def check_selection(
     return {name: list(values) for name, values in select.items()}
 
 
-def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any]) -> list[Half]:
+def _halve(record: xr.Dataset, inputs: Mapping[str, Any]) -> list[Half]:
     """Each half of a record to test on, and the other one to fit to."""
     time = record["time"].values
     end = time[-1] + 1.0 / float(record.attrs["sampling_rate"])
@@ -214,14 +204,14 @@ def _halve(record: xr.Dataset, reference: str | None, inputs: Mapping[str, Any])
     first, second = (prepare(segment(record, low, high)) for low, high in itertools.pairwise(edges))
     halves = []
     for training, test in ((second, first), (first, second)):
-        instruments = None if reference is None else _instruments(test, reference, inputs)
+        instruments = None if inputs["reference"] is None else _instruments(test, inputs)
         halves.append(Half(training, test, instruments))
     return halves
 
 
-def _instruments(test: PreparedTrial, reference: str, inputs: Mapping[str, Any]) -> Instruments:
+def _instruments(test: PreparedTrial, inputs: Mapping[str, Any]) -> Instruments:
     """Leads and lags of the position that the reference explains, and of splines of its velocity."""
-    regressors = test.regressors(**inputs, basis="spline", degree=SPLINE_TERMS, reference=reference)
+    regressors = test.regressors(**inputs, basis="spline", degree=SPLINE_TERMS)
     predicted = test.predict_inputs(regressors)
     rate = regressors.rate
     leads = round(POSITION_LAGS * rate)
@@ -250,9 +240,12 @@ def _score(
     halves: Sequence[Half],
     fit: Callable[[PreparedTrial], Estimate],
     cycle_onsets: str | Sequence[float] | None,
-) -> tuple[dict[str, Losses], list[str]]:
-    """Losses by criterion, and warnings of the fits."""
-    losses: dict[str, list[Losses]] = {}
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Losses of all tests by criterion, and warnings of the fits.
+
+    Shapes: returns (2, segments): squares of the residual and of the torque, summed over segments.
+    """
+    tests = []
     warnings: list[str] = []
     for half in halves:
         estimate = fit(half.training)
@@ -262,20 +255,17 @@ def _score(
             )
         warnings += estimate.fit_warnings  # those about the data concern all candidates alike
         torque = estimate.predict(half.test, cycle_onsets=cycle_onsets).torque
-        for name, part in _test(torque, half).items():
-            losses.setdefault(name, []).append(part)
-    joined = {name: Losses.join(parts) for name, parts in losses.items()}
-    return joined, list(dict.fromkeys(warnings))
+        tests.append(_test(torque, half))
+    losses = {name: np.hstack([test[name] for test in tests]) for name in tests[0]}
+    return losses, list(dict.fromkeys(warnings))
 
 
-def _test(torque: xr.Dataset, half: Half) -> dict[str, Losses]:
-    """Losses of predicted torques in a half by every criterion that it allows."""
+def _test(torque: xr.Dataset, half: Half) -> dict[str, np.ndarray]:
+    """Losses of predicted torques in a half by every criterion that it allows, shape (2, segments)."""
     time = torque["time"].values
     is_scored = (time >= time[0] + SETTLING) & (time <= time[-1] - SETTLING)
     time = time[is_scored]
     signals = np.stack([torque[MEASURED] - torque["net"], torque[MEASURED]])[:, is_scored]
-    if not np.isfinite(signals).all():
-        raise DataError("the prediction of unseen data is not finite.")
     signals -= signals.mean(axis=1, keepdims=True)
     explainable = {"cross-validation": signals}
     if half.instruments is not None:
@@ -285,6 +275,6 @@ def _test(torque: xr.Dataset, half: Half) -> dict[str, Losses]:
     segments = ((time - start) / SEGMENT).astype(int)
     count = int((stop - start) / SEGMENT) + 1
     return {
-        name: Losses(*(np.bincount(segments, signal**2, count) for signal in pair))
+        name: np.array([np.bincount(segments, signal**2, count) for signal in pair])
         for name, pair in explainable.items()
     }

@@ -33,6 +33,11 @@ def solve_scaled(
     return (solution.T * scale).T
 
 
+def invert_scaled(normal: np.ndarray) -> np.ndarray:
+    """Inverse of normal equations as `solve_scaled` solves them, shape (k, k)."""
+    return solve_scaled(normal, np.eye(len(normal)))
+
+
 def fit_scaled(regressors: np.ndarray, target: np.ndarray, rank_tolerance: float) -> np.ndarray:
     """Least squares of a target on regressors that differ in unit, all of them without means.
 

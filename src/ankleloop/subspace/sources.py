@@ -26,6 +26,17 @@ INSTRUMENT_SIGNALS: dict[Instruments, tuple[str, ...]] = {
 }
 
 
+def check_rows(block_rows: int, order: int | None, leads: int) -> None:
+    """Refuse block rows that are too few for an order, or for leads of the instruments."""
+    least = order or 1
+    if block_rows <= least:
+        raise ValueError(f"block_rows must be larger than the order ({least}), got {block_rows}.")
+    if leads > block_rows:
+        raise ValueError(
+            f"instrument_leads must be between 0 and block_rows ({block_rows}), got {leads}."
+        )
+
+
 class SubspaceOptions(Options):
     """Options of a subspace identification."""
 
@@ -85,15 +96,8 @@ class SubspaceOptions(Options):
 
     @model_validator(mode="after")
     def _check_rows(self) -> Self:
-        rows = self.block_rows
         leads = self.instrument_leads
-        order = self.order or 1
-        if rows <= order:
-            raise ValueError(f"block_rows must be larger than the order ({order}), got {rows}.")
-        if leads > rows:
-            raise ValueError(
-                f"instrument_leads must be between 0 and block_rows ({rows}), got {leads}."
-            )
+        check_rows(self.block_rows, self.order, leads)
         if leads and self.instruments != "past-reference":
             raise ValueError(
                 f"instrument_leads must be 0 unless instruments are made of the reference: with {self.instruments!r} "

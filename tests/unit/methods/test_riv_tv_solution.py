@@ -55,7 +55,7 @@ def delay(trial):
 @pytest.mark.parametrize(
     ("effect", "fault", "size", "names"),
     [
-        ("lag", delay, 0.001, "KBIG"),
+        ("torque_lag", delay, 0.001, "KBIG"),
         ("high-pass", high_pass, 2 * np.pi * 0.1, "BG"),
         ("friction", add_friction, 0.15, "BG"),
     ],
@@ -76,7 +76,7 @@ def test_a_step_towards_an_effect_goes_where_the_record_without_it_is(
 def test_an_estimated_lag_moves_the_means_by_the_shift(trial):
     late = with_torque(trial, delay(trial))
     fixed, freed = solve(late), solve(late, torque_lag=None)
-    (alternative,) = [found for found in find_alternatives(fixed) if found.effect == "lag"]
+    (alternative,) = [found for found in find_alternatives(fixed) if found.effect == "torque_lag"]
     assert freed.parameters.lag == pytest.approx(0.001, abs=2e-4)
     for name in "BIG":
         shift = freed.means[name] / fixed.means[name] - 1.0

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from ankleloop.checks.movement import turned_signs
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Point
+from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES, STIFFNESS
-from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.least_squares import invert_scaled
 
 SIGNIFICANT = 4.5  # standard errors
 SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
@@ -37,27 +38,27 @@ class Effect:
 
 EFFECTS = {
     "delay": Effect(
-        "a reflex delay of {:.3g} ms", "give no delay, so that it is estimated", factor=1e3
+        "a reflex delay of {size:.3g} ms", "give no delay, so that it is estimated", factor=1e3
     ),
-    "pole": Effect("a third pole of the reflex at {:.3g} rad/s", "take order=3"),
-    "lag": Effect(
-        "a torque recorded {:.2g} ms {} the position",
+    "pole": Effect("a third pole of the reflex at {size:.3g} rad/s", "take order=3"),
+    "torque_lag": Effect(
+        "a torque recorded {length:.2g} ms {order} the position",
         "record both through equal filters",
         factor=1e3,
     ),
     "high-pass": Effect(
-        "a high-pass of {:.2g} Hz in the torque",
+        "a high-pass of {size:.2g} Hz in the torque",
         "record without AC coupling or removal of drift",
         factor=0.5 / np.pi,
         one_sided=True,
     ),
     "friction": Effect(
-        "a friction of {:.2g} N·m",
+        "a friction of {size:.2g} N·m",
         "measure the friction of the bearing, and subtract it",
         one_sided=True,
     ),
     "direction": Effect(
-        "a reflex gain of {:.3g} N·m·s/rad in the other direction",
+        "a reflex gain of {size:.3g} N·m·s/rad in the other direction",
         "if the axis is turned round, give position_sign={position_sign}, torque_sign={torque_sign} to read_trial",
     ),
     "compression": Effect(
@@ -82,9 +83,8 @@ class Alternative:
         """The effect in words."""
         effect = EFFECTS[self.effect]
         size = effect.factor * self.value
-        if self.effect == "lag":
-            return effect.text.format(abs(size), "after" if size > 0.0 else "before")
-        return effect.text.format(size)
+        order = "after" if size > 0.0 else "before"
+        return effect.text.format(size=size, length=abs(size), order=order)
 
     @property
     def significant(self) -> bool:
@@ -98,43 +98,37 @@ class Alternative:
         return max(map(abs, self.shifts.values()))
 
 
-def select_alternatives(alternatives: Iterable[Alternative]) -> list[Alternative]:
-    """Those that the record shows and that move a parameter, the most significant one first."""
+def with_alternatives(
+    estimate: Estimate, alternatives: Iterable[Alternative], trial: PreparedTrial
+) -> Estimate:
+    """An estimate with what its model lacks: the alternatives that the record shows and that move a parameter.
+
+    They are in the diagnostics, the most significant one first. Intervals hold the values with it, too.
+    """
     shown = [
         alternative
         for alternative in alternatives
         if alternative.significant and alternative.largest_shift > SMALLEST_SHIFT
     ]
-    return sorted(shown, key=lambda alternative: -abs(alternative.score))
-
-
-def widen_intervals(
-    intervals: Mapping[str, tuple[float, float]],
-    values: Mapping[str, float],
-    alternatives: Sequence[Alternative],
-) -> dict[str, tuple[float, float]]:
-    """Intervals that hold the values with the first alternative, too."""
-    widened = dict(intervals)
-    shifts = alternatives[0].shifts if alternatives else {}
-    for name in shifts.keys() & intervals.keys():
-        moved = values[name] * (1.0 + shifts[name])
-        ends = (*intervals[name], moved)
-        widened[name] = (min(ends), max(ends))
-    return widened
-
-
-def describe_alternatives(alternatives: Sequence[Alternative]) -> dict[str, Any]:
-    """Alternatives as an entry of diagnostics; none if there are none."""
-    if not alternatives:
-        return {}
-    entries = [
+    if not shown:
+        return estimate
+    shown.sort(key=lambda alternative: -abs(alternative.score))
+    values = estimate.stiffness | estimate.reflex
+    intervals = dict(estimate.intervals)
+    for name, shift in shown[0].shifts.items():
+        if name in intervals:
+            ends = (*intervals[name], values[name] * (1.0 + shift))
+            intervals[name] = (min(ends), max(ends))
+    diagnostics = dict(estimate.diagnostics)
+    diagnostics["alternatives"] = [
         {"effect": alternative.text, "score": alternative.score, "shifts": alternative.shifts}
-        for alternative in alternatives
+        for alternative in shown
     ]
-    return {"alternatives": entries}
+    diagnostics["warnings"] = [*diagnostics["warnings"], *_warn_of_alternatives(shown, trial)]
+    return replace(estimate, intervals=intervals, diagnostics=diagnostics)
 
 
-def warn_of_alternatives(alternatives: Sequence[Alternative], trial: PreparedTrial) -> list[str]:
+def _warn_of_alternatives(alternatives: Sequence[Alternative], trial: PreparedTrial) -> list[str]:
     """Warning about the first one that moves a parameter by a fifth, or is the delay of no stretch reflex."""
     shortest, longest = QUANTITIES["delay"].plausible
     for alternative in alternatives:
@@ -170,14 +164,18 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     with the effect as a further unknown.
     """
     parameters = solution.point.parameters
-    effects = ["lag", "high-pass", "friction", "compression"]
+    effects = ["torque_lag", "high-pass", "friction", "compression"]
     if parameters.linear.size == MOTION + 1:  # other bases answer both directions
         effects.append("direction")
     alternatives = [_free_effect(effect, solution) for effect in effects]
-    if "delay" not in parameters.delays and solution.point.movement_p < INCOMPLETE:
-        alternatives += _free_delay(solution)
-        if parameters.dynamics.pole is None:  # a third pole and a free delay are nearly the same
-            alternatives += _free_pole(solution)
+    if "delay" in parameters.delays or solution.point.movement_p >= INCOMPLETE:
+        return alternatives
+    starts = {"delay": replace(parameters, delays=("delay",))}
+    if parameters.dynamics.pole is None:  # a third pole and a free delay are nearly the same
+        dynamics = replace(parameters.dynamics, pole=START_POLE)
+        starts["pole"] = replace(parameters, dynamics=dynamics)
+    for unknown, start in starts.items():
+        alternatives += _free_unknown(unknown, start, solution)
     return alternatives
 
 
@@ -194,10 +192,11 @@ def _free_effect(effect: str, solution: Search) -> Alternative:
     for _ in range(1 if effect == "compression" else EFFECT_ROUNDS):
         derivatives = _differentiate(effect, freed.point, origin)
         size += _step(freed, *derivatives)[0]
-        torque = origin.torque - size * derivatives[0]
-        if effect == "lag":
-            torque = origin.torque * np.exp(origin.band.s * size)
-        freed = solve(origin.with_torque(torque), freed.point.parameters)
+        equations = copy(origin)
+        equations.torque = origin.torque - size * derivatives[0]
+        if effect == "torque_lag":
+            equations.torque = origin.torque * np.exp(origin.band.s * size)
+        freed = solve(equations, freed.point.parameters)
     shifts = compute_shifts(solution.point.values, freed.point.values)
     return replace(alternative, value=size, shifts=shifts)
 
@@ -211,7 +210,7 @@ def _differentiate(effect: str, point: Point, origin: Equations) -> np.ndarray:
     band = origin.band
     linear = point.parameters.linear
     predicted_torque = linear @ point.instruments[: linear.size]
-    if effect == "lag":
+    if effect == "torque_lag":
         return -band.s * np.stack([equations.torque, predicted_torque])
     if effect == "high-pass":
         return -np.stack([origin.torque, predicted_torque]) / band.s
@@ -234,36 +233,31 @@ def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tu
     free = solution.free
     weighted = np.vstack([point.weighted[free], instrument.conj() / point.level])
     regressors = np.vstack([point.regressors[free], regressor])
-    inverse = solve_scaled(np.real(weighted @ regressors.T), np.eye(len(weighted)))
+    inverse = invert_scaled(np.real(weighted @ regressors.T))
     last = inverse[-1]
     step = last @ np.real(weighted @ point.residual)
     variance = last @ point.scatter_of(weighted) @ last
     return float(step), float(np.sqrt(variance))
 
 
-def _free_delay(solution: Search) -> list[Alternative]:
-    """The solution with the delay as an unknown, where there is one that a stretch reflex can have."""
-    freed = solve(solution.equations, replace(solution.point.parameters, delays=("delay",)))
+def has_stretch_delay(point: Point) -> bool:
+    """Whether the delay is one that a stretch reflex can have."""
     shortest, longest = STRETCH_DELAY
-    if not freed.converged or not shortest < freed.point.values["delay"] < longest:
+    return shortest < point.values["delay"] < longest
+
+
+def _free_unknown(unknown: str, start: Parameters, solution: Search) -> list[Alternative]:
+    """The solution with a delay or a third pole as a further unknown, the last one, where the record shows it."""
+    freed = solve(solution.equations, start)
+    point = freed.point
+    # The error of the logarithm of a pole is the relative one of its time constant.
+    size = 1.0
+    shown = "pole" not in freed.held
+    if unknown == "delay":
+        size = point.parameters.shift
+        shown = has_stretch_delay(point)
+    if not (freed.converged and shown):
         return []
-    return [_compare(solution, freed, "delay", freed.point.parameters.shift)]
-
-
-def _free_pole(solution: Search) -> list[Alternative]:
-    """The solution with a third pole as an unknown, where the record shows one."""
-    parameters = solution.point.parameters
-    dynamics = replace(parameters.dynamics, pole=START_POLE)
-    freed = solve(solution.equations, replace(parameters, dynamics=dynamics))
-    if not freed.converged or "pole" in freed.held:
-        return []
-    # The error of the logarithm of the pole is the relative one of its time constant.
-    return [_compare(solution, freed, "pole", 1.0)]
-
-
-def _compare(solution: Search, freed: Search, unknown: str, size: float) -> Alternative:
-    """A solution with one more unknown, the last one, whose size has the same unit as its error."""
-    values = freed.point.values
-    error = float(np.sqrt(freed.point.covariance(freed.free)[-1, -1]))
-    shifts = compute_shifts(solution.point.values, values)
-    return Alternative(unknown, values[unknown], size / error, shifts)
+    score = size / float(np.sqrt(point.covariance(freed.free)[-1, -1]))
+    shifts = compute_shifts(solution.point.values, point.values)
+    return [Alternative(unknown, point.values[unknown], score, shifts)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,7 +14,7 @@ from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.methods.riv.start import fit_grid, make_grid
 from ankleloop.quantities import STIFFNESS
-from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 from ankleloop.signals.spectra import pass_band
 
 NOISE_RESOLUTION = 0.4  # Hz
@@ -53,12 +52,12 @@ class Parameters:
         ends = np.cumsum([self.linear.size, len(self.dynamics.values)])
         linear, dynamics, delays = np.split(step, ends)
         later = dict(zip(self.delays, delays.tolist(), strict=True))
-        return Parameters(
+        return replace(
+            self,
             linear=self.linear + linear,
             dynamics=self.dynamics.scale(dynamics),
             shift=self.shift + later.get("delay", 0.0),
             lag=self.lag + later.get("torque_lag", 0.0),
-            delays=self.delays,
         )
 
     def limit_delay(self, delay: float) -> Parameters:
@@ -100,10 +99,10 @@ class Point:
     def __init__(self, equations: Equations, parameters: Parameters) -> None:
         linear = parameters.linear
         coefficients = linear[MOTION:]
-        terms = [f"c{number}" for number in range(1, coefficients.size + 1)]
         self.equations = equations
         self.parameters = parameters
-        self.names = (*STIFFNESS, *terms, *parameters.unknowns)  # of all unknowns
+        # Of all unknowns; those of basis functions have the same one.
+        self.names = (*STIFFNESS, *["c"] * coefficients.size, *parameters.unknowns)
         self.reflex_path = ReflexPath(equations.regressors.basis, coefficients, parameters.dynamics)
         # Derivatives of the torque with respect to the unknowns, by the measured inputs and by the predicted ones, both
         # of shape (unknowns, frequencies).
@@ -168,7 +167,7 @@ class Point:
         Shapes: returns (free, free).
         """
         select = np.ix_(free, free)
-        inverse = solve_scaled(self.normal[select], np.eye(free.size))
+        inverse = invert_scaled(self.normal[select])
         factor = 1.0 + 2.0 * self.equations.smoothing_variance
         return factor * inverse @ self.scatter[select] @ inverse.T
 
@@ -189,15 +188,13 @@ class Point:
     def _correlation_p(self, spectrum: np.ndarray) -> float:
         """Probability of correlations of the residual and an independent signal that are at least as large."""
         band = self.equations.band
-        first = band.bins.start
-        count = band.frequency.size
-        size = 2 * (first + count)
+        size = 2 * band.bins.stop
         reach = int(MOVEMENT_REACH * size * band.rate / band.samples)
         power = band.smooth(np.abs(spectrum) ** 2, MOVEMENT_RESOLUTION)
-        cross = np.zeros(first + count + 1, dtype=complex)
-        cross[first:-1] = self.residual / np.sqrt(self.noise) * spectrum.conj() / np.sqrt(power)
-        products = 0.5 * size * np.fft.irfft(cross, size)[np.arange(-reach, reach + 1)]
-        energy = np.sum(products**2) / (0.5 * count * band.correlation)
+        cross = self.residual / np.sqrt(self.noise) * spectrum.conj() / np.sqrt(power)
+        padded = np.pad(cross, (band.bins.start, 1))
+        products = 0.5 * size * np.fft.irfft(padded, size)[np.arange(-reach, reach + 1)]
+        energy = np.sum(products**2) / (0.5 * cross.size * band.correlation)
         return float(special.chdtrc(products.size, energy))
 
     @cached_property
@@ -260,12 +257,6 @@ class Equations:
         if not self.open_loop:
             self.predicted = self.band.transform(self.predicted_inputs.T)
 
-    def with_torque(self, torque: np.ndarray) -> Equations:
-        """The equations for another spectrum of the torque, shape (frequencies,)."""
-        equations = copy(self)
-        equations.torque = torque
-        return equations
-
     def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
         """Smoothed periodogram, shape (frequencies,)."""
         power = self.band.smooth(np.abs(spectrum) ** 2, NOISE_RESOLUTION)
@@ -295,11 +286,10 @@ class Equations:
         """Best of a grid of dynamics for the predicted position, a fit to the torque that it explains."""
         start_delay = self.delay if estimate_delay else None
         shifts, responses, delays = make_grid(self.band, order, start_delay)
-        white = np.ones(self.torque.size)
-        linear, best, residual = fit_grid(self.predicted, self.torque, responses, delays, white)
-        if self.weighting == "noise":
+        noise = np.ones(self.torque.size)
+        for _ in range(2 if self.weighting == "noise" else 1):
+            linear, best, residual = fit_grid(self.predicted, self.torque, responses, delays, noise)
             noise = self.smooth_power(residual)
-            linear, best, _ = fit_grid(self.predicted, self.torque, responses, delays, noise)
         number, late = divmod(best, shifts.size)
         return Parameters(
             linear=linear,

@@ -15,7 +15,6 @@ from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.method import (
-    INPUTS,
     NOMINAL_DELAY,
     POSITION,
     BasisOptions,
@@ -25,13 +24,9 @@ from ankleloop.methods.method import (
     Validity,
 )
 from ankleloop.methods.riv.alternatives import (
-    STRETCH_DELAY,
-    Alternative,
-    describe_alternatives,
     find_alternatives,
-    select_alternatives,
-    warn_of_alternatives,
-    widen_intervals,
+    has_stretch_delay,
+    with_alternatives,
 )
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Point
 from ankleloop.methods.riv.search import Search, solve
@@ -118,65 +113,69 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     True
     """
     solution = _solve(trial, options, estimate_delay=options.delay is None)
-    if options.delay is not None or _shows_delay(solution):
-        return _estimate(trial, solution, options, assumptions=[])
-    assumption = (
-        f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
-    )
-    solution = _solve(trial, options, estimate_delay=False)
-    return _estimate(trial, solution, options, assumptions=[assumption])
+    assumptions = []
+    if options.delay is None and not _shows_delay(solution):
+        assumptions = [
+            f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
+        ]
+        solution = _solve(trial, options, estimate_delay=False)
+    estimate = _estimate(trial, solution, options, assumptions)
+    if not solution.converged:
+        return estimate
+    return with_alternatives(estimate, find_alternatives(solution), trial)
 
 
 def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
     """Solution of the equations, with the delay as an unknown or not."""
-    inputs = options.model_dump(include={*INPUTS, "reference"})
-    inputs["basis"] = options.basis or "rectifier"
-    inputs["delay"] = NOMINAL_DELAY if options.delay is None else options.delay
-    equations = Equations(trial, trial.regressors(**inputs), options.weighting)
+    regressors = trial.regressors(
+        delay=NOMINAL_DELAY if options.delay is None else options.delay,
+        basis=options.basis or "rectifier",
+        degree=options.degree,
+        identification_rate=options.identification_rate,
+        reference=options.reference,
+    )
+    equations = Equations(trial, regressors, options.weighting)
     return solve(equations, equations.find_start(options.order, estimate_delay=estimate_delay))
 
 
 def _shows_delay(solution: Search) -> bool:
     """Whether a solution with the delay as an unknown has that of a stretch reflex, and with a small error."""
-    if not solution.converged:
+    point = solution.point
+    if not solution.converged or not has_stretch_delay(point) or point.values["G"] < 0.0:
         return False
-    values = solution.point.values
-    shortest, longest = STRETCH_DELAY
-    is_stretch_reflex = shortest < values["delay"] < longest and values["G"] >= 0.0
-    variance = solution.point.covariance(solution.free)[-1, -1]
-    return bool(is_stretch_reflex and variance < CERTAIN_DELAY**2)
+    variance = point.covariance(solution.free)[-1, -1]
+    return bool(variance < CERTAIN_DELAY**2)
 
 
 def _estimate(
     trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]
 ) -> Estimate:
-    """Torques, physical parameters, and where the search has converged their intervals and what the model lacks."""
+    """Torques, physical parameters, and where the search has converged their intervals."""
     equations = solution.equations
     point = solution.point
     parameters = point.parameters
-    values = point.values
+    reflex = point.values
+    stiffness = {name: reflex.pop(name) for name in STIFFNESS}
     kind = None
-    errors: dict[str, float] = {}
-    intervals: dict[str, tuple[float, float]] = {}
-    alternatives: list[Alternative] = []
+    deviations: dict[str, float] = {}
+    quantile = TWO_SIDED
     if solution.converged:
         kind = options.intervals or ("robust" if point.movement_p < INCOMPLETE else "asymptotic")
-        errors, intervals = _quantify(solution, kind)
-        alternatives = select_alternatives(find_alternatives(solution))
-    inputs = ModelInputs.of(equations.regressors, values["delay"])
+        deviations, quantile = _quantify(solution, kind)
+    errors, intervals = estimate_intervals(point.values, deviations, quantile)
+    inputs = ModelInputs.of(equations.regressors, reflex["delay"])
     model = PhysicalModel(
         inputs=inputs,
         stiffness=parameters.linear[:MOTION],
         coefficients=parameters.linear[MOTION:],
         dynamics=parameters.dynamics,
     )
-    regressors = inputs.regressors(trial) if parameters.delays else equations.regressors
     return Estimate(
         method="riv",
-        torque=model.simulate(trial, regressors),
-        stiffness={name: values[name] for name in STIFFNESS},
-        reflex={name: value for name, value in values.items() if name not in STIFFNESS},
-        intervals=widen_intervals(intervals, values, alternatives),
+        torque=model.predict(trial),
+        stiffness=stiffness,
+        reflex=reflex,
+        intervals=intervals,
         diagnostics={
             "order": options.order,
             "iterations": len(solution.points) - 1,
@@ -190,18 +189,15 @@ def _estimate(
             "noise_frequency": equations.band.frequency,
             "noise_spectrum": point.noise / equations.band.density,
             "nonlinearity": point.reflex_path.curve(),
-            **describe_alternatives(alternatives),
             "assumptions": assumptions,
-            "warnings": [*_warnings(solution), *warn_of_alternatives(alternatives, trial)],
+            "warnings": _warnings(solution),
         },
         predictor=model,
     )
 
 
-def _quantify(
-    solution: Search, kind: str
-) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Standard errors and intervals of one kind."""
+def _quantify(solution: Search, kind: str) -> tuple[dict[str, float], float]:
+    """Standard deviations for intervals of one kind, and half of such an interval over them."""
     point = solution.point
     if kind == "robust":
         covariance, freedom = robust_covariance(point, solution.free)
@@ -209,8 +205,7 @@ def _quantify(
     else:
         covariance = point.covariance(solution.free)
         quantile = TWO_SIDED
-    deviations = estimate_deviations(point, covariance, solution.free)
-    return estimate_intervals(point.values, deviations, quantile)
+    return estimate_deviations(point, covariance, solution.free), quantile
 
 
 def _warnings(solution: Search) -> list[str]:
@@ -304,13 +299,14 @@ def estimate_intervals(
     for name, value in values.items():
         if name not in deviations:
             continue
+        deviation = deviations[name]
+        margin = quantile * deviation
         if name in LOGARITHMIC:
-            errors[name] = deviations[name] * value
-            ratio = float(np.exp(min(quantile * deviations[name], WIDEST_INTERVAL)))
+            errors[name] = deviation * value
+            ratio = float(np.exp(min(margin, WIDEST_INTERVAL)))
             intervals[name] = (value / ratio, value * ratio)
         else:
-            errors[name] = deviations[name]
-            margin = quantile * errors[name]
+            errors[name] = deviation
             intervals[name] = (value - margin, value + margin)
     return errors, intervals
 

@@ -8,8 +8,7 @@ from ankleloop.methods.riv.alternatives import Alternative, compute_shifts
 from ankleloop.methods.riv_tv.equations import Inputs
 from ankleloop.methods.riv_tv.solution import TimeVaryingSolution
 
-EFFECTS = ("lag", "high-pass", "friction", "compression", "direction", "delay")
-UNKNOWNS = {"lag": "torque_lag", "delay": "delay"}  # what an effect is where it is estimated
+EFFECTS = ("torque_lag", "high-pass", "friction", "compression", "direction", "delay")
 
 
 def find_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
@@ -28,7 +27,7 @@ def find_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
     ]
     alternatives = []
     for effect in EFFECTS:
-        if UNKNOWNS.get(effect) in parameters.delays:
+        if effect in parameters.delays:
             continue
         regressor, instrument = (
             whitener(_differentiate(effect, solution, *side)) for side in sides
@@ -55,7 +54,7 @@ def _differentiate(
     """
     equations = solution.equations
     transform = equations.transform
-    if effect == "lag":
+    if effect == "torque_lag":
         return -transform.s * torque
     if effect == "high-pass":
         return -torque / np.where(equations.noise.inside, transform.s, 1.0)

@@ -20,21 +20,19 @@ class Bases:
         stiffness, viscosity, gain = options.knots
         counts = {"K": stiffness, "B": viscosity, "I": options.inertia_knots, "G": gain}
         degree = 3 if options.interpolation == "cubic" else 0
-        self.splines = {
-            name: Splines(count, course.periodic, degree if count > 1 else 0)
-            for name, count in counts.items()
-        }
-        ends = np.cumsum(list(counts.values())).tolist()
-        self.size = ends[-1]  # number of linear parameters
-        self.blocks = {
-            name: slice(end - counts[name], end) for name, end in zip(counts, ends, strict=True)
-        }
+        self.size = 0  # number of linear parameters
+        self.splines: dict[str, Splines] = {}
+        self.blocks: dict[str, slice] = {}
         # Values at all samples, shapes (splines, N).
-        self.values = {name: splines(course.place).T for name, splines in self.splines.items()}
+        self.values: dict[str, np.ndarray] = {}
         # Weights of the coefficients in the mean over the record, shapes (splines,).
-        self.mean_weights = {
-            name: values[:, course.rows].mean(axis=1) for name, values in self.values.items()
-        }
+        self.mean_weights: dict[str, np.ndarray] = {}
+        for name, count in counts.items():
+            self.splines[name] = Splines(count, course.periodic, degree if count > 1 else 0)
+            self.blocks[name] = slice(self.size, self.size + count)
+            self.values[name] = self.splines[name](course.place).T
+            self.mean_weights[name] = self.values[name][:, course.rows].mean(axis=1)
+            self.size += count
 
     @property
     def trajectories(self) -> list[str]:

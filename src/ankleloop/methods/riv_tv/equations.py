@@ -14,7 +14,7 @@ from ankleloop.methods.riv.equations import DELAY_LIMITS, Parameters
 from ankleloop.methods.riv_tv.bases import Bases
 from ankleloop.methods.riv_tv.motion import Motion, measure_motion, predict_motion
 from ankleloop.methods.riv_tv.options import RivTvOptions
-from ankleloop.methods.riv_tv.repetition import CycleMean, SlowDirections, SmoothPart
+from ankleloop.methods.riv_tv.repetition import CycleMean, SmoothPart
 from ankleloop.methods.riv_tv.whitening import NoiseModel, PaddedTransform, Weighting
 
 
@@ -25,18 +25,6 @@ class Inputs:
     motion: Motion
     intrinsic: np.ndarray  # shape (splines of K, B and I, frequencies)
     drive: np.ndarray  # shape (splines of G, frequencies): of the reflex, for a delay
-
-
-@dataclass(frozen=True, eq=False)
-class Whitener:
-    """Makes whitened signals of spectra, and takes out of them what repeats."""
-
-    weighting: Weighting
-    repeated: CycleMean | SlowDirections
-
-    def __call__(self, spectra: np.ndarray) -> np.ndarray:
-        """Whitened signals, shape (..., rows)."""
-        return self.repeated.remove(self.weighting(spectra))
 
 
 class WhitenedSystem:
@@ -50,9 +38,7 @@ class WhitenedSystem:
         self.torque = torque  # shape (rows,)
         self.normal = instruments @ regressors.T
         self.side = instruments @ torque
-        self.information = self.normal
-        if instruments is not regressors:
-            self.information = instruments @ instruments.T
+        self.information = instruments @ instruments.T
 
     def residual(self, linear: np.ndarray) -> np.ndarray:
         """Whitened torque less that of linear parameters, shape (rows,)."""
@@ -75,11 +61,13 @@ class TimeVaryingEquations:
         self.bases = Bases(options, self.course)
         self.transform = PaddedTransform(self.grid.samples, trial.rate / self.grid.factor)
         self.noise = NoiseModel(self.course, self.transform, options.weighting)
-        self.smooth_part = SmoothPart(self.course, self.transform)
+        self.smooth_part = SmoothPart.of(self.course, self.transform)
         self.repeated: CycleMean | SmoothPart = self.smooth_part
         if self.course.equal_cycles:
             self.repeated = CycleMean(self.course.rows, self.course.equal_cycles)
-        self._unweighted = self.whitener(Weighting(self.transform, self.course.rows))
+        self._unweighted = self.whitener(
+            lambda spectra: self.transform.signals(spectra)[..., self.course.rows]
+        )
         torque = trial.channel("torque", self.grid)
         self.torque = self.spectra(torque - torque.mean())
         slow = self.smooth_part.part(trial.motion(self.grid)[0])
@@ -138,18 +126,19 @@ class TimeVaryingEquations:
             return self.torque
         return self.torque * np.exp(self.transform.s * parameters.lag)
 
-    def whitener(self, weighting: Weighting) -> Whitener:
+    def whitener(self, weighting: Weighting) -> Weighting:
         """Whitener with some weights."""
-        return Whitener(weighting, self.repeated.weighted(weighting))
+        repeated = self.repeated.weighted(weighting)
+        return lambda spectra: repeated.deviation(weighting(spectra))
 
-    def noise_whitener(self, parameters: Parameters) -> Whitener:
+    def noise_whitener(self, parameters: Parameters) -> Weighting:
         """Whitener of the noise: the residual torque less what repeats with the cycle."""
         inputs = self.measured
         explained = parameters.torque(inputs.intrinsic, inputs.drive, self.transform.s)
         residual = self._unweighted(self.lead(parameters) - explained)
         return self.whitener(self.noise.whiten(residual))
 
-    def system(self, parameters: Parameters, whitener: Whitener) -> WhitenedSystem:
+    def system(self, parameters: Parameters, whitener: Weighting) -> WhitenedSystem:
         """Whitened system at some parameters."""
         sides = [self.measured] if self.open_loop else [self.measured, self.predicted]
         derivatives = [

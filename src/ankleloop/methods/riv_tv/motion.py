@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.fft import irfft
@@ -35,13 +34,12 @@ def measure_motion(trial: PreparedTrial, grid: Grid, slow: np.ndarray) -> Motion
     Shapes: slow (N,): slow part of the position.
     """
     position, velocity, acceleration = trial.motion(grid)
-    rectify = partial(_rectify_measured, trial, grid)
-    return Motion(position - slow, velocity, acceleration, rectify)
-
-
-def _rectify_measured(trial: PreparedTrial, grid: Grid, delay: float) -> np.ndarray:
-    """Rectified velocity of a trial at the decimated samples."""
-    return decimate(np.maximum(0.0, trial.velocity(delay)), *grid)
+    return Motion(
+        position=position - slow,
+        velocity=velocity,
+        acceleration=acceleration,
+        rectify=lambda delay: decimate(np.maximum(0.0, trial.velocity(delay)), *grid),
+    )
 
 
 def predict_motion(
@@ -63,25 +61,20 @@ def predict_motion(
     velocity = transform.s * transform.spectra(slow - slow.mean() + perturbation)
     # Beyond the pass band of the decimation a derivative would only amplify.
     velocity[transform.frequency > 0.5 * (PASSBAND + 0.5) * rate] = 0.0
+
+    def rectify(delay: float) -> np.ndarray:
+        """It is rectified at the recording rate."""
+        delayed = velocity * np.exp(-transform.s * delay)
+        recorded = irfft(delayed, factor * transform.size) * factor
+        rectified = np.maximum(0.0, recorded)
+        margin = decimation_margin(factor)
+        end = factor * transform.samples + margin
+        extended = np.concatenate([rectified[-margin:], rectified[:end]])
+        return decimate(extended, factor, margin, transform.samples)
+
     return Motion(
         position=perturbation,
         velocity=transform.signals(velocity),
         acceleration=transform.signals(transform.s * velocity),
-        rectify=partial(_rectify_predicted, velocity, transform, factor),
+        rectify=rectify,
     )
-
-
-def _rectify_predicted(
-    velocity: np.ndarray, transform: PaddedTransform, factor: int, delay: float
-) -> np.ndarray:
-    """Rectified velocity of a spectrum, at the decimated samples; it is rectified at the recording rate.
-
-    Shapes: velocity (frequencies,); returns (N,).
-    """
-    samples = factor * transform.samples
-    delayed = velocity * np.exp(-transform.s * delay)
-    recorded = irfft(delayed, factor * transform.size) * factor
-    rectified = np.maximum(0.0, recorded)
-    margin = decimation_margin(factor)
-    extended = np.concatenate([rectified[-margin:], rectified[: samples + margin]])
-    return decimate(extended, factor, margin, transform.samples)

@@ -17,16 +17,13 @@ from ankleloop.methods.method import POSITION, Method, Offer, Validity
 from ankleloop.methods.riv.alternatives import (
     Alternative,
     compute_shifts,
-    describe_alternatives,
-    select_alternatives,
-    warn_of_alternatives,
-    widen_intervals,
+    with_alternatives,
 )
 from ankleloop.methods.riv.riv import estimate_intervals
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
-from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
+from ankleloop.methods.riv_tv.solution import MOST_ROUNDS, TimeVaryingSolution, solve_time_varying
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
@@ -77,10 +74,10 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     True
     """
     solution = _solve(trial, options)
-    alternatives: list[Alternative] = []
-    if solution.converged:
-        alternatives = select_alternatives(_list_alternatives(trial, solution, options))
-    return _estimate(trial, solution, options, alternatives)
+    estimate = _estimate(trial, solution, options)
+    if not solution.converged:
+        return estimate
+    return with_alternatives(estimate, _list_alternatives(trial, solution, options), trial)
 
 
 def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
@@ -113,49 +110,40 @@ def _list_alternatives(
 
 
 def _estimate(
-    trial: PreparedTrial,
-    solution: TimeVaryingSolution,
-    options: RivTvOptions,
-    alternatives: list[Alternative],
+    trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions
 ) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
     equations = solution.equations
     course = equations.course
-    dynamics = solution.parameters.dynamics.values
     places = np.linspace(0.0, 1.0, PLACES)
     coordinate = np.linspace(*course.limits, PLACES)
-    curves = solution.find_trajectories(places)
+    curves, excitations = solution.find_trajectories(places)
     model = _make_model(trial, solution, options)
     means = solution.means
-    reflex = {"delay": solution.delay, "G": means.pop("G"), **dynamics}
+    reflex = {"delay": solution.delay, "G": means.pop("G"), **solution.parameters.dynamics.values}
     values = {**means, **reflex}
-    intervals: dict[str, tuple[float, float]] = {}
-    if solution.converged:
-        intervals = estimate_intervals(values, solution.deviations, solution.quantile)[1]
-    unit = ""
+    deviations = solution.deviations if solution.converged else {}
+    _, intervals = estimate_intervals(values, deviations, solution.quantile)
+    schedule = {}
     if options.schedule:
         unit = str(trial.trial[options.schedule].attrs.get("units", ""))
-    schedule = {"variable": options.schedule or "", "variable_unit": unit}
+        schedule = {"variable": options.schedule, "variable_unit": unit}
     return Estimate(
         method="riv-tv",
         torque=model.torques(trial, equations.grid, course.place),
         stiffness=means,
         reflex=reflex,
-        intervals=widen_intervals(intervals, values, alternatives),
+        intervals=intervals,
         diagnostics={
             "order": options.order,
             "converged": solution.converged,
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
             "variation_p": solution.variation_p,
-            "excitation": solution.find_excitation(places),
+            "excitation": excitations,
             "torque_lag": solution.parameters.lag,
             "reference": options.reference,
-            **describe_alternatives(alternatives),
-            "warnings": [
-                *_warnings(trial, solution, coordinate, curves),
-                *warn_of_alternatives(alternatives, trial),
-            ],
+            "warnings": _warnings(trial, solution, coordinate, curves),
         },
         predictor=model,
         trajectories=trajectory_dataset(course.dimension, coordinate, curves, **schedule),
@@ -227,7 +215,7 @@ def _warnings(
         )
     if not solution.converged:
         warnings.append(
-            f"not converged after {solution.rounds} rounds: the trajectories have no bands."
+            f"not converged after {MOST_ROUNDS} rounds: the trajectories have no bands."
         )
     return warnings
 

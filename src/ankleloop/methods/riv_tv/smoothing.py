@@ -8,7 +8,7 @@ import numpy as np
 
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
 from ankleloop.methods.riv_tv.repetition import MEAN_SPLINES
-from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 
 SMOOTHING_STEPS = 5  # of the penalties in one round
 # In units of the information over the penalty:
@@ -58,13 +58,10 @@ def choose_penalties(
         variance = float(residual @ residual / freedom)
         if number == 0 and equations.options.weighting == "flat":
             factors = _relative_noise(equations, system, values)
-        inverse = solve_scaled(system.information + penalty, np.eye(unknowns))
+        inverse = invert_scaled(system.information + penalty)
         renewed = {}
         for name, block in bases.blocks.items():
             splines = bases.splines[name]
-            if splines.rank == 0:
-                renewed[name] = 0.0
-                continue
             roughness = values[block] @ splines.penalty @ values[block]
             trace = np.sum(inverse[block, block] * splines.penalty)
             fitted = max(splines.rank - penalties[name] * trace, LEAST_FREEDOM)

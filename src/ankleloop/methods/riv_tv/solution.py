@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import special
+from scipy import linalg, special
 
 from ankleloop.joint.dynamics import GRIDS, respond
 from ankleloop.methods.riv.equations import Parameters
@@ -15,7 +16,7 @@ from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSys
 from ankleloop.methods.riv_tv.smoothing import choose_penalties
 from ankleloop.methods.riv_tv.whitening import POWER_FLOOR
 from ankleloop.quantities import STIFFNESS
-from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 from ankleloop.signals.spectra import smooth
 
 INTEGRATION_PLACES = 2001  # at which squares of splines are summed
@@ -37,7 +38,6 @@ class TimeVaryingSolution:
     system: WhitenedSystem  # whitened system with its regressors at the solution
     penalty: np.ndarray  # shape (unknowns, unknowns): penalties with their weights
     variance: float  # variance of the whitened noise at a frequency of the band
-    rounds: int
     converged: bool  # whether the dynamics of the reflex moved no more
 
     @cached_property
@@ -48,7 +48,7 @@ class TimeVaryingSolution:
     @cached_property
     def inverse(self) -> np.ndarray:
         """Inverse of the penalised normal equations, shape (unknowns, unknowns)."""
-        return solve_scaled(self.system.normal + self.penalty, np.eye(len(self.penalty)))
+        return invert_scaled(self.system.normal + self.penalty)
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -116,39 +116,36 @@ class TimeVaryingSolution:
         variances = np.sum(weights @ self.covariance[block, block] * weights, axis=-1)
         return np.sqrt(np.maximum(variances, 0.0))
 
-    def find_trajectories(self, places: np.ndarray) -> dict[str, np.ndarray]:
-        """What varies, with the ends of its bands: K, K_low, K_high, …; nan where the record shows nothing.
+    def find_trajectories(
+        self, places: np.ndarray
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """What varies, with the ends of its bands, K, K_low, K_high, …; and the excitation behind it.
 
-        Shapes: places (places,); returns (places,).
-        """
-        bases = self.equations.bases
-        excitation = self.find_excitation(places)
-        curves = {}
-        for name in bases.trajectories:
-            weights = bases.splines[name](places)
-            curve = weights @ self.parameters.linear[bases.blocks[name]]
-            curve[excitation[name] < IDENTIFIED] = np.nan
-            margin = self.quantile * self._deviate(name, weights) if self.converged else np.nan
-            curves[name] = curve
-            curves[f"{name}_low"] = curve - margin
-            curves[f"{name}_high"] = curve + margin
-        return curves
-
-    def find_excitation(self, places: np.ndarray) -> dict[str, np.ndarray]:
-        """Information of the record about each trajectory over its mean, for splines of equal size.
+        The excitation is the information of the record about a trajectory over its mean, for splines of equal size.
+        Where the record shows nothing the trajectory is nan.
 
         Shapes: places (places,); returns (places,).
         """
         bases = self.equations.bases
         information = np.diag(self.system.information)
-        excitation = {}
+        curves = {}
+        excitations = {}
         for name in bases.trajectories:
             splines = bases.splines[name]
+            block = bases.blocks[name]
             squares = splines(np.linspace(0.0, 1.0, INTEGRATION_PLACES)) ** 2
-            density = information[bases.blocks[name]] / squares.mean(axis=0)
+            density = information[block] / squares.mean(axis=0)
             mean = max(float(density.mean()), np.finfo(float).tiny)
-            excitation[name] = splines(places) @ (density / mean)
-        return excitation
+            weights = splines(places)
+            excitation = weights @ (density / mean)
+            curve = weights @ self.parameters.linear[block]
+            curve[excitation < IDENTIFIED] = np.nan
+            margin = self.quantile * self._deviate(name, weights) if self.converged else np.nan
+            curves[name] = curve
+            curves[f"{name}_low"] = curve - margin
+            curves[f"{name}_high"] = curve + margin
+            excitations[name] = excitation
+        return curves, excitations
 
     @property
     def variation_p(self) -> dict[str, float]:
@@ -158,45 +155,36 @@ class TimeVaryingSolution:
         constant parameters, with the weights and the dynamics of the solution, and the left sides of those for the
         contrasts of the splines are compared with their covariance, which the spectrum of the residual gives.
         """
+        splines = self.equations.bases.splines
+        varying = [name for name in ("K", "B", "G") if splines[name].size > 1]
+        if not varying:
+            return {}
         noise = self.equations.noise
         coloured = noise.colour(self.system.instruments, self.residual)
         # The spectrum is an estimate, by which left sides scatter more.
         variance = self.variance * (1.0 + noise.spectrum_variance)
-        # The first direction of each block is its constant, the others are its contrasts.
-        unknowns = len(coloured)
-        rotation = np.eye(unknowns)
-        contrasts = {}
-        for name in ("K", "B", "G"):
-            block = self.equations.bases.blocks[name]
-            size = block.stop - block.start
-            if size > 1:
-                rotation[block, block] = np.linalg.svd(np.ones((1, size)))[2]
-                contrasts[name] = np.arange(block.start + 1, block.stop)
-        if not contrasts:
-            return {}
-        contrasts["all"] = np.concatenate(list(contrasts.values()))
-        normal = rotation @ self.system.normal @ rotation.T
-        scatter = variance * rotation @ (coloured @ coloured.T) @ rotation.T
-        side = rotation @ self.system.side
-        return {
-            name: _score_test(normal, side, scatter, tested) for name, tested in contrasts.items()
-        }
+        scatter = variance * coloured @ coloured.T
+        probabilities = {name: self._test_constancy([name], scatter) for name in varying}
+        return {**probabilities, "all": self._test_constancy(varying, scatter)}
 
+    def _test_constancy(self, names: Sequence[str], scatter: np.ndarray) -> float:
+        """Probability of left sides for the contrasts of some parameters that are at least as large as these.
 
-def _score_test(
-    normal: np.ndarray, side: np.ndarray, scatter: np.ndarray, tested: np.ndarray
-) -> float:
-    """Probability of left sides of the tested equations that are at least as large, if their unknowns were zero.
-
-    Shapes: normal, scatter (unknowns, unknowns), side (unknowns,), tested (numbers of unknowns,).
-    """
-    free = np.setdiff1d(np.arange(side.size), tested)
-    inverse = solve_scaled(normal[np.ix_(free, free)], np.eye(free.size))
-    rows = np.eye(side.size)[tested]
-    rows[:, free] = -normal[np.ix_(tested, free)] @ inverse
-    left = rows @ side
-    statistic = left @ solve_scaled(rows @ scatter @ rows.T, left)
-    return float(special.chdtrc(tested.size, statistic))
+        Shapes: scatter (unknowns, unknowns): covariance of all left sides.
+        """
+        blocks = [
+            np.ones((splines.size, 1)) if name in names else np.eye(splines.size)
+            for name, splines in self.equations.bases.splines.items()
+        ]
+        constant = linalg.block_diag(*blocks, np.eye(len(self.parameters.unknowns)))
+        directions = np.linalg.qr(constant, mode="complete")[0]
+        contrasts = directions[:, constant.shape[1] :].T
+        normal = self.system.normal @ constant
+        solution = solve_scaled(constant.T @ normal, constant.T)
+        rows = contrasts - contrasts @ normal @ solution
+        left = rows @ self.system.side
+        statistic = left @ solve_scaled(rows @ scatter @ rows.T, left)
+        return float(special.chdtrc(left.size, statistic))
 
 
 def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
@@ -219,7 +207,7 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
         if converged:
             parameters = replace(parameters, linear=linear)
             break
-        inverse = solve_scaled(system.information, np.eye(len(system.information)))
+        inverse = invert_scaled(system.information)
         errors = np.sqrt(np.maximum(solution.variance * np.diag(inverse)[size:], 1e-300))
         small = np.max(np.abs(step) / errors) < CONVERGED
         negligible = np.max(np.abs(step) / largest) < NEGLIGIBLE_STEP
@@ -237,7 +225,6 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
         system=system,
         penalty=equations.bases.penalty(solution.penalties, len(solution.values)),
         variance=solution.variance,
-        rounds=number,
         converged=converged,
     )
 

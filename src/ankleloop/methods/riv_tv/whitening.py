@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 from scipy import linalg
@@ -39,18 +39,8 @@ class PaddedTransform:
         return irfft(spectra, self.size)[..., : self.samples]
 
 
-@dataclass(frozen=True, eq=False)
-class Weighting:
-    """Makes signals of spectra: frequencies are multiplied by a weight, and times divided by a level."""
-
-    transform: PaddedTransform
-    rows: slice  # samples that count
-    weight: np.ndarray | float = 1.0  # shape (frequencies,)
-    level: np.ndarray | float = 1.0  # shape (rows,)
-
-    def __call__(self, spectra: np.ndarray) -> np.ndarray:
-        """Weighted signals of spectra, shape (..., rows)."""
-        return self.transform.signals(self.weight * spectra)[..., self.rows] / self.level
+# Makes signals of spectra, of the samples that count alone: shape (..., rows).
+Weighting = Callable[[np.ndarray], np.ndarray]
 
 
 class NoiseModel:
@@ -58,7 +48,7 @@ class NoiseModel:
 
     def __init__(self, course: Course, transform: PaddedTransform, weighting: str) -> None:
         rows = course.rows
-        samples = rows.stop - rows.start
+        samples = course.segment.size
         frequency = transform.frequency
         self.transform = transform
         self.rows = rows
@@ -92,23 +82,22 @@ class NoiseModel:
         """
         spectrum = self.spectrum(noise)
         if self.weighting == "flat":
-            return self.weigh(np.full(self.inside.size, spectrum.mean()))
+            return self.weigh(spectrum.mean())
         power = np.interp(self.transform.frequency, self.band.frequency, spectrum)
         stationary = self.weigh(power)
         padded = np.zeros(self.transform.samples)
         padded[self.rows] = noise
         white_power = stationary(self.transform.spectra(padded)) ** 2
-        mean = float(np.mean(white_power))
-        level = self._level_splines @ (self._level_fit @ white_power) / mean
+        level = self._level_splines @ (self._level_fit @ white_power) / white_power.mean()
         return self.weigh(power, np.sqrt(np.maximum(level, LOWEST_LEVEL)))
 
-    def weigh(self, power: np.ndarray, level: np.ndarray | float = 1.0) -> Weighting:
+    def weigh(self, power: np.ndarray | float, level: np.ndarray | float = 1.0) -> Weighting:
         """Weights that are the inverse of a power within the band, and zero elsewhere.
 
         Shapes: power (frequencies,), level (rows,).
         """
         weight = np.where(self.inside, 1.0 / np.sqrt(power), 0.0)
-        return Weighting(self.transform, self.rows, weight, level)
+        return lambda spectra: self.transform.signals(weight * spectra)[..., self.rows] / level
 
     def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Whitened signals with the spectrum of a whitened residual over its mean, shape (..., rows).
