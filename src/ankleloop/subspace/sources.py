@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -108,7 +107,6 @@ class HankelRows(NamedTuple):
     indices: np.ndarray  # of the rows in the Hankel matrix of all channels over the window
     sizes: tuple[int, int]  # rows of U and of Z
     window: int  # samples that one column reaches over
-    lags: np.ndarray  # block rows that each channel reaches over
 
 
 def select_rows(
@@ -125,8 +123,7 @@ def select_rows(
         raise DataError(
             "past-reference instruments need a reference: pass the external command of the loop."
         )
-    are_instruments = np.repeat([name in signals for name in SIGNALS], sizes)
-    instruments = np.flatnonzero(are_instruments)
+    instruments = np.flatnonzero(np.repeat([name in signals for name in SIGNALS], sizes))
     past = options.instrument_rows or options.block_rows
     if not instruments.size:
         past = 0
@@ -140,13 +137,10 @@ def select_rows(
     input_rows = np.add.outer(future, np.arange(inputs))
     instrument_rows = np.add.outer(starts[:reach], instruments)
     output_rows = np.add.outer(future, inputs + np.arange(outputs))
-    # Instruments reach into the past, all other channels into the future alone.
-    lags = np.where(are_instruments, window, options.block_rows)
     return HankelRows(
         indices=np.concatenate([input_rows, instrument_rows, output_rows], axis=None),
         sizes=(input_rows.size, instrument_rows.size),
         window=window,
-        lags=lags,
     )
 
 
@@ -275,10 +269,9 @@ class Records:
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """Inner products of the Hankel rows, each less its mean over each record unless offsets are zero."""
         grams = [
-            hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
-            for record in self.scaled
+            hankel_gram(record, rows.window, subtract_means=self.offsets) for record in self.scaled
         ]
-        return reduce(np.add, grams)[rows.indices][:, rows.indices]
+        return np.sum(grams, axis=0)[np.ix_(rows.indices, rows.indices)]
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
         """Triangular factor of the same rows."""
@@ -287,8 +280,8 @@ class Records:
         size = records + rows.indices.size
         factor = np.zeros((size, size), order="F")
         for number, record in enumerate(self.scaled):
-            for columns in generate_columns(record, rows.window, rows.indices):
-                ones = np.zeros((records, len(columns)))
+            for hankel in generate_columns(record, rows.window):
+                ones = np.zeros((records, hankel.shape[1]))
                 ones[number] = self.offsets
-                factor = update_factor(factor, np.concatenate([ones, columns.T]).T)
+                factor = update_factor(factor, np.vstack([ones, hankel[rows.indices]]).T)
         return factor[records:, records:]
