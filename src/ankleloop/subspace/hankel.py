@@ -49,9 +49,7 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
     block_rows = check_integer("block_hankel", "rows", rows)
     columns = check_integer("block_hankel", "columns", columns)
     first = check_integer("block_hankel", "first", first)
-    signal = np.asarray(x, dtype=float)
-    if signal.ndim == 1:
-        signal = signal[:, None]
+    signal = np.column_stack([np.asarray(x, dtype=float)])
     stop = first + block_rows + columns - 1
     if min(block_rows, columns) < 1 or first < 0 or stop > len(signal):
         raise DataError(

@@ -176,10 +176,9 @@ def _find_directions(
     if total is not None and np.any((values > limit * largest) & (values <= limit * bound)):
         largest = np.linalg.eigvalsh(total)[-1]  # between the two: only here it makes a difference
     count = int(np.sum(values > limit * largest))
-    if not count:
-        return Directions(np.empty((len(gram), 0)), np.inf, float(values[-1]))
-    coefficients = vectors[:, -count:] / np.sqrt(values[-count:])
-    condition = float(np.sqrt(values[-1] / values[-count]))
+    first = len(values) - count
+    coefficients = vectors[:, first:] / np.sqrt(values[first:])
+    condition = float(np.sqrt(condition_number(values[::-1], count)))
     return Directions(coefficients, condition, float(largest))
 
 

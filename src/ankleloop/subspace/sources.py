@@ -155,8 +155,7 @@ def list_records(
         raise DataError(
             f"the {name} must be a list of records as the inputs are, got {show_value(x)}."
         )
-    records = [as_real(record, name) for record in (x if merged else [x])]
-    records = [record[:, None] if record.ndim == 1 else record for record in records]
+    records = [np.column_stack([as_real(record, name)]) for record in (x if merged else [x])]
     for k, record in enumerate(records):
         if record.ndim != 2 or record.shape[1] != records[0].shape[1]:
             raise DataError(
@@ -184,8 +183,7 @@ class Records:
     def __init__(
         self, u: Any, y: Any, reference: Any, predicted: Any, options: SubspaceOptions
     ) -> None:
-        is_list = isinstance(u, (list, tuple)) and len(u) > 0
-        self.merged = is_list and all(np.ndim(record) == 2 for record in u)
+        self.merged = isinstance(u, (list, tuple)) and {np.ndim(record) for record in u} == {2}
         inputs = list_records(u, "input", self.merged)
         self.lengths = [len(record) for record in inputs]
         signals = [inputs, list_records(y, "output", self.merged, self.lengths)]
@@ -215,11 +213,13 @@ class Records:
         """Subtract the means of each record and divide by the scale of all; refuse what is not usable."""
         for number, record in enumerate(records):
             self._refuse_not_finite(record, number)
-        means = np.array([np.einsum("tc->c", record) / len(record) for record in records])
+        means = np.array([record.mean(axis=0) for record in records])
         deviations = [record - mean for record, mean in zip(records, means, strict=True)]
-        squares = sum(np.einsum("tc,tc->c", record, record) for record in deviations)
-        deviation = np.sqrt(squares / max(sum(self.lengths), 1))
-        self._refuse_constant(deviation, np.abs(means).max(axis=0))
+        deviation = np.sqrt(np.mean(np.concatenate(deviations) ** 2, axis=0))
+        constant = deviation <= MEAN_ROUNDING * np.abs(means).max(axis=0)
+        if constant.any():
+            name = self._name_channel(int(constant.argmax()))
+            raise DataError(f"{name} is constant and carries no information: leave it out.")
         self.scale = deviation if options.scaling else np.ones_like(deviation)
         self.means = means if self.offsets else np.zeros_like(means)
         centred = deviations if self.offsets else records
@@ -240,13 +240,6 @@ class Records:
             place = f" of record {number}" if self.merged and len(self.lengths) > 1 else ""
             fault = f"{self._name_channel(channel)} is not finite at sample {sample}{place}"
             raise DataError(f"{fault}: cut or repair the record.")
-
-    def _refuse_constant(self, deviation: np.ndarray, mean: np.ndarray) -> None:
-        """Refuse channels that deviate from their mean by rounding alone, shapes (channels,)."""
-        constant = deviation <= MEAN_ROUNDING * mean
-        if constant.any():
-            name = self._name_channel(int(constant.argmax()))
-            raise DataError(f"{name} is constant and carries no information: leave it out.")
 
     def _predict_inputs(self, references: list[np.ndarray], predicted: Any) -> list[np.ndarray]:
         """Noise-free predictions of the inputs in their scale."""
