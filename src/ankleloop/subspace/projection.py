@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
-from ankleloop.signals.least_squares import condition_number
+from ankleloop.signals.least_squares import TINY, condition_number
 
 LEAST_TOLERANCE = 1e-6  # of the directions of instruments: weaker ones show rounding and noise
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
@@ -203,7 +203,7 @@ def choose_order(singular_values: np.ndarray, largest: int) -> int:
     values = singular_values[: largest + 1]
     if values.size < 2:
         return 1
-    drops = values[:-1] / np.maximum(values[1:], np.finfo(float).tiny)
+    drops = values[:-1] / np.maximum(values[1:], TINY)
     return int(np.argmax(drops)) + 1
 
 
