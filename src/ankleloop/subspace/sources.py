@@ -216,7 +216,8 @@ class Records:
             self._refuse_not_finite(record, number)
         means = np.array([record.mean(axis=0) for record in records])
         deviations = [record - mean for record, mean in zip(records, means, strict=True)]
-        deviation = np.sqrt(np.mean(np.concatenate(deviations) ** 2, axis=0))
+        squares = [np.einsum("tc,tc->c", record, record) for record in deviations]
+        deviation = np.sqrt(np.sum(squares, axis=0) / sum(self.lengths))
         constant = deviation <= MEAN_ROUNDING * np.abs(means).max(axis=0)
         if constant.any():
             name = self._name_channel(int(constant.argmax()))
