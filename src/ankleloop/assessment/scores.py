@@ -90,7 +90,7 @@ def evaluate(
     """
     check_choice("evaluate", "against", against, ("measured", None))
     check_flag("evaluate", "intervals", intervals)
-    rows = list(score_torques(prepare(trial), estimate, against, trim=trim, intervals=intervals))
+    rows = score_torques(prepare(trial), estimate, against, trim=trim, intervals=intervals)
     columns = ["torque", "against", "vaf"]
     if intervals:
         columns += ["low", "high"]

@@ -217,8 +217,9 @@ def design_perturbation(
     if torque is not None:
         limits["torque"] = check_number(owner, "torque", torque, "N·m", gt=0)
     if servo_velocity is not None:
-        velocity = check_number(owner, "servo_velocity", servo_velocity, "rad/s", gt=0)
-        limits["servo_velocity"] = velocity
+        limits["servo_velocity"] = check_number(
+            owner, "servo_velocity", servo_velocity, "rad/s", gt=0
+        )
     others = {**settings, **PRBS, "amplitude": 2 * amplitude, "duration": COMPARED_DURATION}
     chosen = describe_joint(owner, joint, others)
     coarse = min(chosen.integration_rate, COARSE_STEPS * chosen.recording_rate)

@@ -248,12 +248,12 @@ class SimulationSettings(Options):
     def _check_tables(self) -> Self:
         """Tables hold no negative values, and nothing varies where `variation` says that nothing does."""
         weights = self.dwell_weights
-        if isinstance(weights, tuple):
-            is_complete = len(weights) == len(DWELL_TIMES)
-            if not is_complete or min(weights) < 0 or max(weights) == 0:
-                raise ValueError(
-                    f"dwell_weights must be {len(DWELL_TIMES)} numbers of at least 0, not all 0, got {weights}."
-                )
+        if isinstance(weights, tuple) and (
+            len(weights) != len(DWELL_TIMES) or min(weights) < 0 or max(weights) == 0
+        ):
+            raise ValueError(
+                f"dwell_weights must be {len(DWELL_TIMES)} numbers of at least 0, not all 0, got {weights}."
+            )
         for name in ("stiffness", "viscosity", "gain"):
             table = getattr(self, f"{name}_table")
             share = getattr(self, f"{name}_variation")

@@ -90,8 +90,11 @@ def simulate(
             duration = own_command.size / values.recording_rate
             values = SimulationSettings.parse("simulate", **{**dict(values), "duration": duration})
     samples = (values.duration + values.settling) * values.recording_rate
-    remedy = "take a shorter duration or settling, or a lower recording_rate"
-    check_memory("simulate", 8.0 * TRIAL_ARRAYS * samples, remedy)
+    check_memory(
+        "simulate",
+        8.0 * TRIAL_ARRAYS * samples,
+        "take a shorter duration or settling, or a lower recording_rate",
+    )
     trial = _simulate(values, _check_seed(seed), own_command)
     return trial if own_command is None else trial.assign_attrs(perturbation="command")
 

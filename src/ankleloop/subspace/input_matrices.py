@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -138,8 +137,7 @@ class OutputRegression:
         self.gain = None if stable else find_gain(A, C)
         self.A = A if self.gain is None else A - self.gain @ C
         # Where the unknowns of D end, of B, of the initial states, and of the offsets.
-        counts = [inputs * p, self.dynamic.size * n, records * n, records * p]
-        self.edges = list(accumulate(counts))
+        self.edges = np.cumsum([inputs * p, self.dynamic.size * n, records * n, records * p])
 
     def respond(self, u: np.ndarray, y: np.ndarray, record: int) -> np.ndarray:
         """Responses of every output to each unknown, and the outputs in the last column, of a record.

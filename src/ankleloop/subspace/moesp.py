@@ -5,7 +5,7 @@ One body serves all: members of the family differ in their instruments and their
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +83,7 @@ class SubspaceEstimate:
     initial_state: np.ndarray
     input_means: np.ndarray
     offsets: np.ndarray
-    diagnostics: dict[str, Any] = field(default_factory=dict)
+    diagnostics: dict[str, Any]
 
     @cached_property
     def model(self) -> StateSpace:

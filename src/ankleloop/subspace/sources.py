@@ -111,7 +111,7 @@ class HankelRows(NamedTuple):
 
 
 def select_rows(
-    options: SubspaceOptions, sizes: tuple[int, int, int], *, open_loop: bool = False
+    options: SubspaceOptions, sizes: tuple[int, int, int], *, open_loop: bool
 ) -> HankelRows:
     """The rows of records that hold inputs, outputs and, possibly, a reference side by side.
 
@@ -239,7 +239,7 @@ class Records:
         finite = np.isfinite(record)
         if not finite.all():
             sample, channel = np.argwhere(~finite)[0]
-            place = f" of record {number}" if self.merged and len(self.lengths) > 1 else ""
+            place = f" of record {number}" if len(self.lengths) > 1 else ""
             fault = f"{self._name_channel(channel)} is not finite at sample {sample}{place}"
             raise DataError(f"{fault}: cut or repair the record.")
 
