@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 from scipy.signal import resample_poly
 
-from ankleloop.assessment.scores import evaluate
+from ankleloop.assessment.scores import score_torques
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
@@ -74,9 +74,8 @@ class Bootstrap:
                 f"an interval of level {level:g} needs at least {fewest} samples, one for each tail; there are "
                 f"{len(self.samples)}: repeat more often, or take a lower level."
             )
-        lows, highs = self.samples.quantile([0.5 * (1.0 - level), 0.5 * (1.0 + level)]).values
-        ends = zip(lows.tolist(), highs.tolist(), strict=True)
-        return dict(zip(map(str, self.samples), ends, strict=True))
+        quantiles = self.samples.quantile([0.5 * (1.0 - level), 0.5 * (1.0 + level)])
+        return {str(name): (float(low), float(high)) for name, (low, high) in quantiles.items()}
 
     def standard_errors(self) -> dict[str, float]:
         """Standard deviation of every column of `samples`.
@@ -85,7 +84,7 @@ class Bootstrap:
         -------
         dict of str to float
         """
-        return dict(zip(map(str, self.samples), self.samples.std(ddof=1).tolist(), strict=True))
+        return {str(name): float(error) for name, error in self.samples.std().items()}
 
 
 def block_bootstrap(
@@ -207,8 +206,6 @@ def _change_torque(
 
 def _sample_row(trial: PreparedTrial, estimate: Estimate) -> dict[str, float]:
     """Parameters and VAFs of a repetition."""
-    scores = evaluate(trial, estimate, against="measured")
-    vafs = {
-        f"vaf_{torque}": vaf for torque, vaf in zip(scores["torque"], scores["vaf"], strict=True)
-    }
+    scores = score_torques(trial, estimate, "measured", intervals=False)
+    vafs = {f"vaf_{torque}": vaf for torque, _, vaf in scores}
     return {**estimate.stiffness, **estimate.reflex, **vafs}

@@ -26,6 +26,7 @@ from ankleloop.simulation.simulate import simulate
 
 RECTIFIER_SLOPE = 0.5  # on average, for a velocity of zero mean
 INFORMATION_PRECISION = 1e-14  # of eigenvalues of the information, relative to the largest one
+QUIET_SETTINGS = {"snr_db": None, "voluntary": 0.0}
 COURSES = {"cycle": {"cycle_onsets": "phase"}, "time": {}, "schedule": {"schedule": "schedule"}}
 
 
@@ -165,7 +166,7 @@ def fisher_information(
     inputs = band.transform(regressors.inputs.T)
     names, derivatives = _derivatives(inputs, band.s, settings, known_delay)
     if spectrum is None:
-        if settings.snr_db is None and settings.voluntary == 0:
+        if not settings.disturbed:
             depends = np.abs(derivatives).any(axis=1)
             return names, np.diag(np.where(depends, np.inf, 0.0))
         level = settings.torque_level or float(np.std(clean.samples["torque"]))
@@ -183,7 +184,7 @@ def _simulate_clean(
     seed: int | np.random.SeedSequence, settings: SimulationSettings, **changes: float
 ) -> xr.Dataset:
     """The trial of a bound without its random disturbances."""
-    return simulate(seed=seed, **{**dict(settings), "snr_db": None, "voluntary": 0.0, **changes})
+    return simulate(seed=seed, **{**dict(settings), **QUIET_SETTINGS, **changes})
 
 
 def _derivatives(
@@ -223,18 +224,16 @@ def disturbance_spectrum(
 
     Shapes: frequency (F,); returns (F,).
     """
-    voluntary = partial(_voluntary_power, settings=settings)
-    noise = partial(_noise_power, settings=settings)
     deviation = settings.voluntary * level
-    area = _integrate(voluntary, 0.5 * settings.recording_rate)
-    density = deviation**2 * voluntary(frequency) / area
+    area = _integrate(_voluntary_power, settings, 0.5 * settings.recording_rate)
+    density = deviation**2 * _voluntary_power(frequency, settings) / area
     if settings.snr_db is None:
         return density
     power = 0.5 * settings.noise_rate
     if settings.antialias_cutoff is not None:
-        power = _integrate(noise, 20 * settings.noise_rate)
+        power = _integrate(_noise_power, settings, 20 * settings.noise_rate)
     variance = level**2 * 10 ** (-settings.snr_db / 10)
-    return density + variance * noise(frequency) / power
+    return density + variance * _noise_power(frequency, settings) / power
 
 
 def _voluntary_power(frequency: np.ndarray, settings: SimulationSettings) -> np.ndarray:
@@ -258,9 +257,14 @@ def _bessel_power(order: int, frequency: np.ndarray) -> np.ndarray:
     return np.abs(denominator[-1] / np.polyval(denominator, 1j * frequency)) ** 2
 
 
-def _integrate(spectrum: Callable[[np.ndarray], np.ndarray], highest: float) -> float:
+def _integrate(
+    power: Callable[[np.ndarray, SimulationSettings], np.ndarray],
+    settings: SimulationSettings,
+    highest: float,
+) -> float:
+    """Area of a squared gain from zero to a frequency."""
     grid = np.linspace(0.0, highest, 40_001)
-    return float(np.trapezoid(spectrum(grid), grid))
+    return float(np.trapezoid(power(grid, settings), grid))
 
 
 def trajectory_bound(
@@ -323,8 +327,7 @@ def trajectory_bound(
     check_flag("trajectory_bound", "known_delay", known_delay)
     counts = RivTvOptions.parse("trajectory_bound", knots=knots).knots
     values = SimulationSettings.parse("trajectory_bound", **settings)
-    disturbed = values.snr_db is not None or values.voluntary > 0
-    if values.variation is None or values.reflex_threshold != 0 or not disturbed:
+    if values.variation is None or values.reflex_threshold != 0 or not values.disturbed:
         raise ValueError(
             "trajectory_bound is derived for a joint that varies, with a rectifier at zero velocity and a disturbance: "
             "set variation (the bound of a constant joint is that of cramer_rao), reflex_threshold=0, and snr_db or "

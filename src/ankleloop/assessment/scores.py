@@ -90,7 +90,7 @@ def evaluate(
     """
     check_choice("evaluate", "against", against, ("measured", None))
     check_flag("evaluate", "intervals", intervals)
-    rows = list(score_torques(prepare(trial), estimate, against, trim=trim, intervals=intervals))
+    rows = score_torques(prepare(trial), estimate, against, trim=trim, intervals=intervals)
     columns = ["torque", "against", "vaf"]
     if intervals:
         columns += ["low", "high"]
@@ -216,13 +216,10 @@ def true_trajectories(
 ) -> xr.Dataset | None:
     """True K, B and G of a simulated trial over what they vary with."""
     prepared = prepare(trial)
-    dimension = COURSE_DIMENSIONS.get(str(prepared.trial.attrs.get("variation")))
-    known = {dimension, *TRAJECTORY_TRUTHS.values()} <= set(map(str, prepared.trial.variables))
-    if (
-        dimension is None
-        or not known
-        or (trajectories is not None and dimension not in trajectories.dims)
-    ):
+    dimension = COURSE_DIMENSIONS.get(str(prepared.trial.attrs.get("variation")), "")
+    if not {dimension, *TRAJECTORY_TRUTHS.values()} <= set(prepared.samples):
+        return None
+    if trajectories is not None and dimension not in trajectories.dims:
         return None
     place = prepared.samples[dimension]
     if dimension == "time":

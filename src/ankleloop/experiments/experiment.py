@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ankleloop.assessment.cramer_rao import (
+    QUIET_SETTINGS,
     disturbance_spectrum,
     fisher_information,
     parameter_variances,
@@ -27,7 +28,6 @@ from ankleloop.simulation.simulate import draw_perturbation, simulate
 
 # Settings of a simulation by the parameters of an estimate.
 JOINT_SETTINGS = SETTINGS | {"pole": "pole"}
-QUIET_SETTINGS = {"snr_db": None, "voluntary": 0.0}
 IDENTIFICATION_RATE = 100.0  # Hz
 LOST_TIME = 0.66  # s of a record: its ends, which the filters of the identification touch
 LONGEST_RECORD = 3600.0  # s
@@ -52,7 +52,7 @@ def describe_joint(
             f"{owner}: joint must be an estimate or settings of simulate by name, got {show_value(joint)}."
         )
     settings = SimulationSettings.parse(owner, **{**values, **others})
-    if isinstance(joint, Mapping) and settings.snr_db is None and settings.voluntary == 0:
+    if isinstance(joint, Mapping) and not settings.disturbed:
         raise ValueError(
             f"{owner}: without a disturbance every record is exact: set snr_db or voluntary."
         )

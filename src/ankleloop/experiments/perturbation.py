@@ -217,8 +217,9 @@ def design_perturbation(
     if torque is not None:
         limits["torque"] = check_number(owner, "torque", torque, "N·m", gt=0)
     if servo_velocity is not None:
-        velocity = check_number(owner, "servo_velocity", servo_velocity, "rad/s", gt=0)
-        limits["servo_velocity"] = velocity
+        limits["servo_velocity"] = check_number(
+            owner, "servo_velocity", servo_velocity, "rad/s", gt=0
+        )
     others = {**settings, **PRBS, "amplitude": 2 * amplitude, "duration": COMPARED_DURATION}
     chosen = describe_joint(owner, joint, others)
     coarse = min(chosen.integration_rate, COARSE_STEPS * chosen.recording_rate)
@@ -245,11 +246,12 @@ def design_perturbation(
     variances = experiment.variances(commands)
     ratios = _ratios(variances, reference)
     if max(ratios.values()) > 1.0:
-        text = (
+        warnings.warn(
             f"{owner}: within these limits no dwell times were found that tell more than a PRBS of 100 ms: "
-            "record that."
+            "record that.",
+            UserWarning,
+            stacklevel=2,
         )
-        warnings.warn(text, UserWarning, stacklevel=2)
     longer = (seconds - LOST_TIME) / (COMPARED_DURATION - LOST_TIME)
     return PerturbationDesign(
         weights=dict(zip(DWELL_TIMES, weights.tolist(), strict=True)),
@@ -328,29 +330,16 @@ def _find_ranges(
     ranges = {}
     for name in ("K", "G"):
         setting = SETTINGS[name]
-        low, high = (
-            _find_end(experiment, setting, factors, commands, prbs) for factors in RANGE_FACTORS
-        )
-        ranges[name] = low, high
+        nominal = getattr(experiment.settings, setting)
+        better = [nominal]
+        for factors in RANGE_FACTORS:
+            for factor in factors:
+                value = factor * nominal
+                if not _is_better(experiment.change(**{setting: value}), commands, prbs):
+                    break
+                better.append(value)
+        ranges[name] = min(better), max(better)
     return ranges
-
-
-def _find_end(
-    experiment: Experiment,
-    setting: str,
-    factors: Iterable[float],
-    commands: Sequence[np.ndarray],
-    prbs: Sequence[np.ndarray],
-) -> float:
-    """Last multiple of a setting with which the commands still tell more than the PRBS."""
-    nominal = float(getattr(experiment.settings, setting))
-    end = nominal
-    for factor in factors:
-        value = factor * nominal
-        if not _is_better(experiment.change(**{setting: value}), commands, prbs):
-            break
-        end = value
-    return end
 
 
 def _is_better(

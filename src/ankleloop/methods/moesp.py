@@ -222,10 +222,9 @@ def separate_reflex(model: SubspaceEstimate, regressors: Sequence[Regressors]) -
     first = regressors[0]
     drives = [part.centred[1] for part in regressors]
     spectra = DriveSpectra.of(np.concatenate(drives), first.rate)
-    reflex = model.matrices.select_inputs(first.reflex)
-    response = reflex.frequency_response(np.exp(spectra.s / first.rate))
+    response = model.matrices.frequency_response(np.exp(spectra.s / first.rate))
     order = 3 if len(model.matrices.A) == 3 else 2
-    return separate_path(response, spectra, first.basis, order)
+    return separate_path(response[:, first.reflex], spectra, first.basis, order)
 
 
 def _describe_model(

@@ -76,7 +76,7 @@ def decimation_taps(factor: int, derivative: int) -> tuple[np.ndarray, int]:
     Shapes: returns taps (2 half + 1,).
     """
     # Design at unit identification rate, so that one cached design serves every rate.
-    taps, half = design_lowpass(float(factor), PASSBAND, STOPBAND, derivative)
+    taps, half = design_lowpass(factor, PASSBAND, STOPBAND, derivative)
     half_length = -(-half // factor) * factor
     return np.pad(taps, half_length - half), half_length
 
@@ -157,7 +157,7 @@ def velocity_taps(rate: float, delay: float) -> tuple[np.ndarray, int, int]:
     passband = min(VELOCITY_PASSBAND, 0.6 * stopband)
     whole = round(delay * rate)
     fraction = round(delay * rate - whole, 9)
-    taps, half = design_lowpass(float(rate), passband, stopband, derivative=1, shift=fraction)
+    taps, half = design_lowpass(rate, passband, stopband, derivative=1, shift=fraction)
     return taps, half, whole
 
 

@@ -18,9 +18,7 @@ class ScaledFit(NamedTuple):
     singular_values: np.ndarray  # shape (k,), of the scaled columns
 
 
-def solve_scaled(
-    normal: np.ndarray, right: np.ndarray, rank_tolerance: float = SINGULAR
-) -> np.ndarray:
+def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve normal equations whose unknowns differ in unit; directions without information get zero.
 
     Shapes: normal (k, k), right (k,) or (k, n); returns as right.
@@ -29,7 +27,7 @@ def solve_scaled(
     scale = 1.0 / np.sqrt(power)
     scaled_normal = normal * (scale[:, None] * scale)
     scaled_right = (right.T * scale).T
-    solution = np.linalg.lstsq(scaled_normal, scaled_right, rcond=rank_tolerance)[0]
+    solution = np.linalg.lstsq(scaled_normal, scaled_right, rcond=SINGULAR)[0]
     return (solution.T * scale).T
 
 

@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from ankleloop.signals.decimation import PASSBAND
+from ankleloop.signals.least_squares import TINY
 
 LOWEST_FREQUENCY = 0.05  # Hz: drifts and means lie below
 TAPER_SHARE = 0.1  # of the record, half of it at either end
@@ -26,10 +27,8 @@ class Band:
     def taper(self) -> np.ndarray:
         """Cosine taper, shape (samples,): it keeps the ends of a record from leaking into other frequencies."""
         ramp = max(1, round(0.5 * TAPER_SHARE * self.samples))
-        taper = np.ones(self.samples)
-        taper[:ramp] = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
-        taper[-ramp:] = taper[:ramp][::-1]
-        return taper
+        rise = 0.5 * (1.0 - np.cos(np.pi * (np.arange(ramp) + 0.5) / ramp))
+        return np.concatenate([rise, np.ones(self.samples - 2 * ramp), rise[::-1]])
 
     @cached_property
     def bins(self) -> slice:
@@ -110,7 +109,7 @@ def coherence(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     cross = np.mean(x * y.conj(), axis=0)
     power_x = np.mean(np.abs(x) ** 2, axis=0)
     power_y = np.mean(np.abs(y) ** 2, axis=0)
-    return np.abs(cross) ** 2 / np.maximum(power_x * power_y, np.finfo(float).tiny)
+    return np.abs(cross) ** 2 / np.maximum(power_x * power_y, TINY)
 
 
 def smooth(power: np.ndarray, width: float) -> np.ndarray:

@@ -52,14 +52,12 @@ def _antialias_filter(cutoff: float, rate: float, hold: str) -> DiscreteFilter:
     """The anti-aliasing filter for inputs that are held, or linear, over a sample."""
     A, B, C = companion(bessel_denominator(ANTIALIAS_ORDER, 2 * np.pi * cutoff))
     F, before, now = step_matrices(A, B, 1.0 / rate)
-    output = C[0]
-    if hold == "zoh":
-        drive = before + now
-        feedthrough = 0.0
-    else:
-        drive = F @ now + before
-        feedthrough = float(output @ now[:, 0])
-    return DiscreteFilter(np.ascontiguousarray(F), drive[:, 0].copy(), output, feedthrough)
+    drive = before + now
+    feedthrough = 0.0
+    if hold == "foh":
+        drive = before + F @ now
+        feedthrough = now[0, 0]
+    return DiscreteFilter(np.ascontiguousarray(F), drive[:, 0].copy(), C[0], feedthrough)
 
 
 def antialias(

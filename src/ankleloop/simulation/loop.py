@@ -14,7 +14,7 @@ polynomial of low degree through a few values of both gives them to eight digits
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise, product
 from typing import NamedTuple
@@ -25,7 +25,7 @@ from ankleloop.errors import UnstableLoopError
 from ankleloop.kernels import kernel
 from ankleloop.signals.statespace import companion, lowpass_denominator, step_matrices
 from ankleloop.simulation.filters import ANTIALIAS_ORDER, bessel_denominator
-from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.settings import LOAD_SETTINGS, SimulationSettings
 from ankleloop.simulation.trajectories import Trajectories, parameter_ranges
 
 # Error of the polynomials for stiffness and viscosity, over the largest entry of a row.
@@ -35,15 +35,7 @@ VECTOR_SIZE = 8  # doubles: rows of whole vectors take a fourth less time
 # Inputs of the continuous model; the drive of the reflex is the rectified delayed velocity, times the share of the gain
 # in its largest value.
 COMMAND, NOISE, VOLUNTARY, DRIVE = range(4)
-STABILITY_SETTINGS = (
-    "load_inertia",
-    "load_viscosity",
-    "load_stiffness",
-    "reflex_gain",
-    "delay",
-    "stiffness",
-    "viscosity",
-)
+STABILITY_SETTINGS = (*LOAD_SETTINGS, "reflex_gain", "delay", "stiffness", "viscosity")
 RECORDED_SIGNALS = 3  # position, intrinsic and reflex torque
 
 
@@ -205,9 +197,7 @@ def _fit_polynomials(settings: SimulationSettings, constant: Loop, degree: int) 
     inverse = np.linalg.inv(_monomials(points, powers))
     terms = np.tensordot(inverse, np.array(matrices), 1)
     low_degree = [k for k, exponents in enumerate(powers) if 0 < sum(exponents) <= degree]
-    return Loop(
-        constant.matrix, constant.ranges, terms[low_degree], [powers[k] for k in low_degree]
-    )
+    return replace(constant, changes=terms[low_degree], powers=[powers[k] for k in low_degree])
 
 
 def _interpolation_error(loop: Loop, settings: SimulationSettings) -> float:

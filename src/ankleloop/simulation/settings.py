@@ -13,9 +13,9 @@ from pydantic import ValidationInfo, field_validator, model_validator
 
 from ankleloop.options import Options, option, show_value
 
-MOST_INTEGRATION_STEPS = (
-    1000  # integration steps over a recorded sample: the loop has a matrix of as many rows
-)
+# Integration steps over a recorded sample: the loop has a matrix of as many rows.
+MOST_INTEGRATION_STEPS = 1000
+LOAD_SETTINGS = ("load_inertia", "load_viscosity", "load_stiffness")
 # Dwell times of the perturbation "dwells" [s].
 DWELL_TIMES = (0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6)
 DWELL_TEXT = ", ".join(f"{1000 * dwell:g}" for dwell in DWELL_TIMES)
@@ -207,22 +207,22 @@ class SimulationSettings(Options):
         1.0, "a loop that leaves ± this is declared unstable", unit="rad", ge=1e-9, le=1e6
     )
 
+    @property
+    def disturbed(self) -> bool:
+        """Whether there is noise or voluntary torque at random."""
+        return self.snr_db is not None or self.voluntary > 0
+
     @classmethod
     def parse(cls, owner: str, /, *, load: Sequence[float] | None = None, **values: Any) -> Self:
         """Check settings and fill in the defaults; the three parameters of the load may come together."""
         if load is None:
             return super().parse(owner, **values)
         try:
-            inertia, viscosity, stiffness = load
+            parameters = dict(zip(LOAD_SETTINGS, load, strict=True))
         except (TypeError, ValueError):
             raise ValueError(
                 f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}."
             ) from None
-        parameters = {
-            "load_inertia": inertia,
-            "load_viscosity": viscosity,
-            "load_stiffness": stiffness,
-        }
         return super().parse(owner, **{**parameters, **values})
 
     @field_validator(
@@ -248,12 +248,12 @@ class SimulationSettings(Options):
     def _check_tables(self) -> Self:
         """Tables hold no negative values, and nothing varies where `variation` says that nothing does."""
         weights = self.dwell_weights
-        if isinstance(weights, tuple):
-            is_complete = len(weights) == len(DWELL_TIMES)
-            if not is_complete or min(weights) < 0 or max(weights) == 0:
-                raise ValueError(
-                    f"dwell_weights must be {len(DWELL_TIMES)} numbers of at least 0, not all 0, got {weights}."
-                )
+        if isinstance(weights, tuple) and (
+            len(weights) != len(DWELL_TIMES) or min(weights) < 0 or max(weights) == 0
+        ):
+            raise ValueError(
+                f"dwell_weights must be {len(DWELL_TIMES)} numbers of at least 0, not all 0, got {weights}."
+            )
         for name in ("stiffness", "viscosity", "gain"):
             table = getattr(self, f"{name}_table")
             share = getattr(self, f"{name}_variation")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -91,8 +90,11 @@ def simulate(
             duration = own_command.size / values.recording_rate
             values = SimulationSettings.parse("simulate", **{**dict(values), "duration": duration})
     samples = (values.duration + values.settling) * values.recording_rate
-    remedy = "take a shorter duration or settling, or a lower recording_rate"
-    check_memory("simulate", 8.0 * TRIAL_ARRAYS * samples, remedy)
+    check_memory(
+        "simulate",
+        8.0 * TRIAL_ARRAYS * samples,
+        "take a shorter duration or settling, or a lower recording_rate",
+    )
     trial = _simulate(values, _check_seed(seed), own_command)
     return trial if own_command is None else trial.assign_attrs(perturbation="command")
 
@@ -131,7 +133,9 @@ def _simulate(
     settling = round(settings.settling * rate)
     time = np.arange(-settling, round(settings.duration * rate)) / rate
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-    for_perturbation, for_voluntary, for_noise, for_course = _open_streams(root)
+    # Keys of the streams are set here: `SeedSequence.spawn` counts its calls, so the same seed would give other bits.
+    seeds = [np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, k)) for k in range(4)]
+    for_perturbation, for_voluntary, for_noise, for_course = map(np.random.default_rng, seeds)
     course = draw_course(settings, for_course)
     joint = trajectories(course, time + 0.5 / rate)
     if own_command is None:
@@ -169,13 +173,6 @@ def _simulate(
         seed=seed if isinstance(seed, int) and seed < 2**63 else str(root),
         **{name: _as_attribute(value) for name, value in settings},
     )
-
-
-def _open_streams(root: np.random.SeedSequence) -> list[np.random.Generator]:
-    """Random numbers for perturbation, voluntary torque, noise and course."""
-    # Keys of the streams are set here: `SeedSequence.spawn` counts its calls, so the same seed would give other bits.
-    seeds = [np.random.SeedSequence(root.entropy, spawn_key=(*root.spawn_key, k)) for k in range(4)]
-    return [np.random.default_rng(seed) for seed in seeds]
 
 
 def _describe_course(course: Course, time: np.ndarray) -> dict[str, np.ndarray]:
@@ -286,13 +283,7 @@ def _draw_noise(settings: SimulationSettings, rng: np.random.Generator, samples:
     hold = round(settings.recording_rate / settings.noise_rate)
     levels = rng.standard_normal(-(-samples // hold))
     noise = np.repeat(levels, hold)[:samples]
-    return noise / _recorded_noise_deviation(settings, hold)
-
-
-@lru_cache
-def _recorded_noise_deviation(settings: SimulationSettings, hold: int) -> float:
-    """Standard deviation, behind the anti-aliasing filter, of unit white noise that is held for some samples."""
     pulse = np.zeros(HELD_NOISE_VALUES * hold)
     pulse[:hold] = 1.0
     response = antialias(pulse, settings, "zoh")
-    return float(np.sqrt(np.sum(response**2) / hold))
+    return noise / np.sqrt(np.sum(response**2) / hold)

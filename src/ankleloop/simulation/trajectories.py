@@ -85,9 +85,7 @@ def draw_course(settings: SimulationSettings, rng: np.random.Generator) -> Cours
     before = int(np.ceil(settings.settling / mean - 1e-9))
     shortest = mean * (1.0 - jitter)
     count = int(np.ceil((before * mean + settings.duration) / shortest - 1e-9))
-    durations = np.full(count, mean)
-    if jitter > 0:
-        durations *= 1.0 + jitter * rng.uniform(-1.0, 1.0, count)
+    durations = mean * (1.0 + jitter * rng.uniform(-1.0, 1.0, count))
     onsets = -mean * before + np.concatenate([[0.0], np.cumsum(durations)])
     last = np.searchsorted(onsets, settings.duration - 1e-9)
     return Course(settings, onsets[: last + 1], angles)

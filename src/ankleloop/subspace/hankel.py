@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
-from ankleloop.kernels import as_samples, kernel
+from ankleloop.kernels import kernel
 from ankleloop.options import check_integer
 
 COLUMNS_AT_ONCE = 2048
-PRODUCTS_OF_A_SUM = 256  # sums of sums round less than one long sum
 
 
 def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarray:
@@ -50,37 +49,31 @@ def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarra
     block_rows = check_integer("block_hankel", "rows", rows)
     columns = check_integer("block_hankel", "columns", columns)
     first = check_integer("block_hankel", "first", first)
-    signal = np.asarray(x, dtype=float)
-    if signal.ndim == 1:
-        signal = signal[:, None]
+    signal = np.column_stack([np.asarray(x, dtype=float)])
     stop = first + block_rows + columns - 1
     if min(block_rows, columns) < 1 or first < 0 or stop > len(signal):
         raise DataError(
             f"a signal of {len(signal)} samples has no Hankel matrix of {block_rows} block rows and {columns} columns "
             f"from sample {first}: use a longer record or fewer block rows."
         )
-    windows = np.lib.stride_tricks.sliding_window_view(signal[first:stop], block_rows, axis=0)
+    samples = signal[first:stop].ravel()
+    channels = signal.shape[1]
+    windows = np.lib.stride_tricks.sliding_window_view(samples, block_rows * channels)
     # Column-major, so that its transpose goes into least squares without a copy.
-    return windows.transpose(0, 2, 1).reshape(columns, -1).T
+    return windows[::channels].copy().T
 
 
-def generate_columns(x: np.ndarray, window: int, rows: np.ndarray) -> Iterator[np.ndarray]:
-    """Columns of some rows of the Hankel matrix of a record, some columns at a time.
+def generate_columns(x: np.ndarray, window: int) -> Iterator[np.ndarray]:
+    """Hankel matrix of a record, some columns at a time.
 
-    Shapes: x (N, m), rows (k,); returns (columns, k).
+    Shapes: x (N, m); returns (window * m, columns).
     """
     count = len(x) - window + 1
-    lags, channels = np.divmod(rows, x.shape[1])
     for start in range(0, count, COLUMNS_AT_ONCE):
-        columns = min(COLUMNS_AT_ONCE, count - start)
-        piece = np.ascontiguousarray(x[start : start + columns + window - 1].T)
-        shifts = np.lib.stride_tricks.sliding_window_view(piece, columns, axis=1)
-        yield shifts[channels, lags].T  # column-major, as factorisations take it
+        yield block_hankel(x, start, window, min(COLUMNS_AT_ONCE, count - start))
 
 
-def hankel_gram(
-    x: np.ndarray, window: int, lags: np.ndarray | None = None, *, subtract_means: bool = True
-) -> np.ndarray:
+def hankel_gram(x: np.ndarray, window: int, *, subtract_means: bool = True) -> np.ndarray:
     r"""Gram matrix H Hᵀ of the Hankel matrix of a record, each row less its mean.
 
     Rows of a Hankel matrix are shifts of one signal. So the products of each pair of block rows follow from those of
@@ -90,66 +83,24 @@ def hankel_gram(
 
     and only the products with the first block row take sums over the record (Mastronardi, Kressner, Sima, Van Dooren
     and Van Huffel, "A fast algorithm for subspace state-space system identification via exploitation of the
-    displacement structure", J. Comput. Appl. Math. 132, 71-81, 2001).
+    displacement structure", J. Comput. Appl. Math. 132, 71-81, 2001). A record without a single column has products of
+    zero.
 
-    `lags` says for each channel up to how many block rows later its products with other rows are computed; the rest is
-    nan. A record without a single column has products of zero.
-
-    Shapes: x (N, m), lags (m,); returns (window * m, window * m).
+    Shapes: x (N, m); returns (window * m, window * m).
     """
-    channels = x.shape[1]
     columns = len(x) - window + 1
+    means = np.zeros(window * x.shape[1])
     if columns < 1:
-        return np.zeros((window * channels, window * channels))
-    if lags is None:
-        lags = np.full(channels, window)
-    products = _sum_lagged_products(as_samples(x), columns, lags, window)
+        return np.outer(means, means)
+    signals = np.ascontiguousarray(x.T)
+    first = signals[:, :columns]
+    products = [first @ signals[:, lag : lag + columns].T for lag in range(window)]
     head = x[: window - 1]
     tail = x[columns:]
-    means = np.zeros(window * channels)
     if subtract_means:
-        # A fourth of the time of sum over a few channels.
-        sums = np.einsum("tc->c", x[:columns])
-        later_sums = sums + np.cumsum(tail - head, axis=0)
-        means = np.concatenate([sums, later_sums.ravel()]) * (1.0 / np.sqrt(columns))
-    return _displace_products(products, head.ravel(), tail.ravel(), means)
-
-
-# Contraction lets the compiler use fused multiply-adds; sums are not reordered.
-@kernel(fastmath={"contract"})
-def _sum_lagged_products(x, columns, lags, window):
-    """Products with the first block row: sums over t of x(t) times x(t) … x(t + lags - 1); beyond the lags nan.
-
-    Samples follow each other in memory, so those of all lags are one row of numbers.
-    """
-    channels = x.shape[1]
-    flat = x.ravel()
-    width = window * channels
-    sums = np.zeros((channels, width))
-    part = np.zeros((channels, width))
-    # Four columns at a time, because sums are then loaded and stored a fourth as often.
-    for start in range(0, columns, PRODUCTS_OF_A_SUM):
-        stop = min(start + PRODUCTS_OF_A_SUM, columns)
-        whole = stop - (stop - start) % 4
-        for t in range(start, whole, 4):
-            first = flat[t * channels :][:width]
-            second = flat[(t + 1) * channels :][:width]
-            third = flat[(t + 2) * channels :][:width]
-            fourth = flat[(t + 3) * channels :][:width]
-            for i in range(channels):
-                a, b, c, d = first[i], second[i], third[i], fourth[i]
-                for k in range(lags[i] * channels):
-                    part[i, k] += a * first[k] + b * second[k] + c * third[k] + d * fourth[k]
-        for t in range(whole, stop):
-            row = flat[t * channels :][:width]
-            for i in range(channels):
-                for k in range(lags[i] * channels):
-                    part[i, k] += row[i] * row[k]
-        for i in range(channels):
-            for k in range(width):
-                sums[i, k] += part[i, k] if k < lags[i] * channels else np.nan
-                part[i, k] = 0.0
-    return sums
+        sums = np.vstack([first.sum(axis=1), tail - head])
+        means = np.cumsum(sums, axis=0).ravel() / np.sqrt(columns)
+    return _displace_products(np.hstack(products), head.ravel(), tail.ravel(), means)
 
 
 @kernel()

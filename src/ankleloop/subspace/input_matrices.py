@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -69,9 +68,7 @@ def simulate_response(
     >>> simulate_response(A, B, C, D, np.array([[1.0], [0.0], [0.0]])).ravel()
     array([0. , 1. , 0.5])
     """
-    inputs = np.asarray(u, dtype=float)
-    if inputs.ndim == 1:
-        inputs = inputs[:, None]
+    inputs = np.column_stack([np.asarray(u, dtype=float)])
     start = np.zeros(len(A)) if x0 is None else np.asarray(x0, dtype=float)
     _check_sizes(A, B, C, D, inputs, start)
     # One type, for which it is compiled.
@@ -88,17 +85,18 @@ def _check_sizes(
     m = B.shape[-1]
     p = len(C)
     shapes = {
-        "A": (A.shape, (n, n)),
-        "B": (B.shape, (n, m)),
-        "C": (C.shape, (p, n)),
-        "D": (D.shape, (p, m)),
-        "u": (u.shape, (len(u), m)),
-        "x0": (x0.shape, (n,)),
+        "A": (A, (n, n)),
+        "B": (B, (n, m)),
+        "C": (C, (p, n)),
+        "D": (D, (p, m)),
+        "u": (u, (len(u), m)),
+        "x0": (x0, (n,)),
     }
-    for name, (shape, expected) in shapes.items():
-        if shape != expected:
+    for name, (array, expected) in shapes.items():
+        if array.shape != expected:
             raise ValueError(
-                f"{name} has shape {shape}, but beside A {A.shape}, B {B.shape} and C {C.shape} it must be {expected}."
+                f"{name} has shape {array.shape}, but beside A {A.shape}, B {B.shape} and C {C.shape} it must be "
+                f"{expected}."
             )
 
 
@@ -126,11 +124,8 @@ class OutputRegression:
         offsets: bool,
         stable: bool = True,
     ) -> None:
-        flags = np.ones(inputs, dtype=bool)
-        if dynamic is not None:
-            flags = np.asarray(dynamic, dtype=object)
-        are_flags = all(isinstance(flag, (bool, np.bool_)) for flag in flags.flat)
-        if flags.shape != (inputs,) or not are_flags:
+        flags = np.ones(inputs, dtype=bool) if dynamic is None else np.asarray(dynamic)
+        if flags.shape != (inputs,) or flags.dtype != bool:
             raise ValueError(
                 f"dynamic must be {inputs} flags, True or False for each input, got {show_value(dynamic)}."
             )
@@ -142,10 +137,9 @@ class OutputRegression:
         self.gain = None if stable else find_gain(A, C)
         self.A = A if self.gain is None else A - self.gain @ C
         # Where the unknowns of D end, of B, of the initial states, and of the offsets.
-        counts = [inputs * p, self.dynamic.size * n, records * n, records * p]
-        self.edges = list(accumulate(counts))
+        self.edges = np.cumsum([inputs * p, self.dynamic.size * n, records * n, records * p])
 
-    def respond(self, u: np.ndarray, y: np.ndarray | None, record: int) -> np.ndarray:
+    def respond(self, u: np.ndarray, y: np.ndarray, record: int) -> np.ndarray:
         """Responses of every output to each unknown, and the outputs in the last column, of a record.
 
         The response to a column of B is a row C (q - A)⁻¹ u(t) for each input and output, which follows from the row
@@ -161,19 +155,17 @@ class OutputRegression:
         dynamic = columns[d_end:b_end].reshape(self.dynamic.size, n, samples, p)
         initial = columns[b_end + record * n :][:n]
         offset = columns[state_end + record * p :][:p]
-        if y is not None:
-            columns[-1] = y
+        columns[-1] = y
         transposed = np.ascontiguousarray(self.A.T)
         rest = np.zeros(n)
         silence = np.zeros((samples, 1))
-        drives = [np.ascontiguousarray(u[:, [channel]]) for channel in self.dynamic]
         for i, row in enumerate(self.C):
             direct[:, i, :, i] = u.T
             offset[i, :, i] = self.offsets
             response, _ = simulate_states(transposed, row[:, None], silence, row)
             initial[:, :, i] = response.T
-            for entries, drive in zip(dynamic, drives, strict=True):
-                response, _ = simulate_states(transposed, row[:, None], drive, rest)
+            for entries, channel in zip(dynamic, self.dynamic, strict=True):
+                response, _ = simulate_states(transposed, row[:, None], u[:, [channel]], rest)
                 entries[:, :, i] = response.T
         if self.gain is not None:
             for signals in (*columns[:d_end], *offset, columns[-1]):
@@ -198,20 +190,20 @@ class OutputRegression:
         factor = np.zeros((unknowns + 1, unknowns + 1), order="F")
         products = np.zeros((unknowns, unknowns + 1))
         squares = np.zeros(unknowns)
-        samples = 0
-        outputs = slice(self.inputs, self.inputs + len(self.C))
-        for number, record in enumerate(records):
-            rows = self.respond(record[:, : self.inputs], record[:, outputs], number)
-            samples += len(rows)
-            if predicted is not None:
-                instruments = self.respond(predicted[number], None, number)[:, :-1]
-                products += instruments.T @ rows
-                squares += np.sum(instruments**2, axis=0)
-            factor = update_factor(factor, rows)
+        samples = sum(map(len, records)) * len(self.C)
         if samples < unknowns:
             raise DataError(
                 f"{samples} samples cannot determine {unknowns} entries of B, D, x0: record longer."
             )
+        for number, record in enumerate(records):
+            u = record[:, : self.inputs]
+            y = record[:, self.inputs :][:, : len(self.C)]
+            rows = self.respond(u, y, number)
+            if predicted is not None:
+                instruments = self.respond(predicted[number], y, number)[:, :-1]
+                products += instruments.T @ rows
+                squares += np.sum(instruments**2, axis=0)
+            factor = update_factor(factor, rows)
         scale = np.linalg.norm(factor[:, :-1], axis=0)
         scale[scale == 0.0] = 1.0
         equations = factor[:-1]
@@ -251,8 +243,6 @@ class OutputRegression:
         Initial states and offsets may depend on each other: records may be short.
         """
         limit = rank_tolerance * singular_values[0]
-        if singular_values[-1] > limit:
-            return True
         unknowns = self.edges[1]
         others = np.linalg.svd(columns[:, unknowns:], compute_uv=False)
         rank = np.count_nonzero(singular_values > limit)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import compress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,31 +26,14 @@ class Matrices:
     # already.
     input_delays: Sequence[float] | None = None
 
-    def select_inputs(self, inputs: np.ndarray) -> Matrices:
-        """The model with some of its inputs only.
-
-        Shapes: inputs (m,), of flags.
-        """
-        names = self.names
-        if names is not None:
-            names = (tuple(compress(names[0], inputs)), names[1])
-        delays = self.input_delays
-        if delays is not None:
-            delays = tuple(compress(delays, inputs))
-        B = self.B[:, inputs]
-        D = self.D[:, inputs]
-        return replace(self, B=B, D=D, names=names, input_delays=delays)
-
     def frequency_response(self, z: np.ndarray) -> np.ndarray:
         """Response of the first output to each input.
 
         Shapes: z (F,); returns (F, m).
         """
-        states = len(self.A)
-        shifted = z[:, None, None] * np.eye(states) - self.A
-        row = np.broadcast_to(self.C[0][:, None], (z.size, states, 1))
-        rows = np.linalg.solve(np.swapaxes(shifted, 1, 2), row)  # C (z - A)⁻¹
-        return rows[..., 0] @ self.B + self.D[0]
+        transposed = z[:, None, None] * np.eye(len(self.A)) - self.A.T
+        rows = np.linalg.solve(transposed, self.C[0])  # C (z - A)⁻¹
+        return rows @ self.B + self.D[0]
 
     def state_space(self) -> StateSpace:
         """The model as an object that simulates, plots and connects."""

@@ -5,7 +5,7 @@ One body serves all: members of the family differ in their instruments and their
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +83,7 @@ class SubspaceEstimate:
     initial_state: np.ndarray
     input_means: np.ndarray
     offsets: np.ndarray
-    diagnostics: dict[str, Any] = field(default_factory=dict)
+    diagnostics: dict[str, Any]
 
     @cached_property
     def model(self) -> StateSpace:
@@ -242,8 +242,8 @@ def moesp(
 
 def _check_names(options: SubspaceOptions, inputs: int, outputs: int) -> None:
     """Refuse names that are not one for each channel."""
-    sizes = {"inputs": inputs, "outputs": outputs}
-    for names, (kind, size) in zip(options.names or (), sizes.items(), strict=False):
+    kinds = ("inputs", "outputs")
+    for names, kind, size in zip(options.names or (), kinds, (inputs, outputs), strict=False):
         if len(names) != size:
             raise ValueError(
                 f"names must have {size} names of {kind}, got {show_value(list(names))}."
@@ -268,9 +268,8 @@ def _project(
         )
     gram = records.compute_gram(rows)
     arguments = (rows.sizes, columns, options.rank_tolerance, options.order or 1)
-    if options.projection == "correlation":
-        return project_correlation(gram, *arguments), "gram"
-    projection = project_gram(gram, *arguments)
+    project = project_correlation if options.projection == "correlation" else project_gram
+    projection = project(gram, *arguments)
     if projection is not None:
         return projection, "gram"
     return project_factor(records.factor_rows(rows), *arguments), "qr"
@@ -280,8 +279,7 @@ def _list_warnings(realisation: Realisation, fit: InputMatrices, stable: bool) -
     """What a user must know of A, B and D."""
     warnings = []
     if realisation.unstable_radius is not None:
-        order = len(realisation.A)
-        text = UNSTABLE.format(radius=realisation.unstable_radius, order=order)
+        text = UNSTABLE.format(radius=realisation.unstable_radius, order=len(realisation.A))
         warnings.append(text + (REPLACED if stable else KEPT))
     if not fit.determined:
         warnings.append(UNDETERMINED.format(rank=fit.rank, unknowns=fit.unknowns))

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
-from ankleloop.signals.least_squares import condition_number
+from ankleloop.signals.least_squares import TINY, condition_number
 
 LEAST_TOLERANCE = 1e-6  # of the directions of instruments: weaker ones show rounding and noise
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
@@ -176,10 +176,9 @@ def _find_directions(
     if total is not None and np.any((values > limit * largest) & (values <= limit * bound)):
         largest = np.linalg.eigvalsh(total)[-1]  # between the two: only here it makes a difference
     count = int(np.sum(values > limit * largest))
-    if not count:
-        return Directions(np.empty((len(gram), 0)), np.inf, float(values[-1]))
-    coefficients = vectors[:, -count:] / np.sqrt(values[-count:])
-    condition = float(np.sqrt(values[-1] / values[-count]))
+    first = len(values) - count
+    coefficients = vectors[:, first:] / np.sqrt(values[first:])
+    condition = float(np.sqrt(condition_number(values[::-1], count)))
     return Directions(coefficients, condition, float(largest))
 
 
@@ -204,7 +203,7 @@ def choose_order(singular_values: np.ndarray, largest: int) -> int:
     values = singular_values[: largest + 1]
     if values.size < 2:
         return 1
-    drops = values[:-1] / np.maximum(values[1:], np.finfo(float).tiny)
+    drops = values[:-1] / np.maximum(values[1:], TINY)
     return int(np.argmax(drops)) + 1
 
 

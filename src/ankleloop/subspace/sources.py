@@ -112,11 +112,10 @@ class HankelRows(NamedTuple):
     indices: np.ndarray  # of the rows in the Hankel matrix of all channels over the window
     sizes: tuple[int, int]  # rows of U and of Z
     window: int  # samples that one column reaches over
-    lags: np.ndarray  # block rows that each channel reaches over
 
 
 def select_rows(
-    options: SubspaceOptions, sizes: tuple[int, int, int], *, open_loop: bool = False
+    options: SubspaceOptions, sizes: tuple[int, int, int], *, open_loop: bool
 ) -> HankelRows:
     """The rows of records that hold inputs, outputs and, possibly, a reference side by side.
 
@@ -129,8 +128,7 @@ def select_rows(
         raise DataError(
             "past-reference instruments need a reference: pass the external command of the loop."
         )
-    are_instruments = np.repeat([name in signals for name in SIGNALS], sizes)
-    instruments = np.flatnonzero(are_instruments)
+    instruments = np.flatnonzero(np.repeat([name in signals for name in SIGNALS], sizes))
     past = options.instrument_rows or options.block_rows
     if not instruments.size:
         past = 0
@@ -144,13 +142,10 @@ def select_rows(
     input_rows = np.add.outer(future, np.arange(inputs))
     instrument_rows = np.add.outer(starts[:reach], instruments)
     output_rows = np.add.outer(future, inputs + np.arange(outputs))
-    # Instruments reach into the past, all other channels into the future alone.
-    lags = np.where(are_instruments, window, options.block_rows)
     return HankelRows(
         indices=np.concatenate([input_rows, instrument_rows, output_rows], axis=None),
         sizes=(input_rows.size, instrument_rows.size),
         window=window,
-        lags=lags,
     )
 
 
@@ -165,8 +160,7 @@ def list_records(
         raise DataError(
             f"the {name} must be a list of records as the inputs are, got {show_value(x)}."
         )
-    records = [as_real(record, name) for record in (x if merged else [x])]
-    records = [record[:, None] if record.ndim == 1 else record for record in records]
+    records = [np.column_stack([as_real(record, name)]) for record in (x if merged else [x])]
     for k, record in enumerate(records):
         if record.ndim != 2 or record.shape[1] != records[0].shape[1]:
             raise DataError(
@@ -194,8 +188,7 @@ class Records:
     def __init__(
         self, u: Any, y: Any, reference: Any, predicted: Any, options: SubspaceOptions
     ) -> None:
-        is_list = isinstance(u, (list, tuple)) and len(u) > 0
-        self.merged = is_list and all(np.ndim(record) == 2 for record in u)
+        self.merged = isinstance(u, (list, tuple)) and {np.ndim(record) for record in u} == {2}
         inputs = list_records(u, "input", self.merged)
         self.lengths = [len(record) for record in inputs]
         signals = [inputs, list_records(y, "output", self.merged, self.lengths)]
@@ -225,11 +218,14 @@ class Records:
         """Subtract the means of each record and divide by the scale of all; refuse what is not usable."""
         for number, record in enumerate(records):
             self._refuse_not_finite(record, number)
-        means = np.array([np.einsum("tc->c", record) / len(record) for record in records])
+        means = np.array([record.mean(axis=0) for record in records])
         deviations = [record - mean for record, mean in zip(records, means, strict=True)]
-        squares = sum(np.einsum("tc,tc->c", record, record) for record in deviations)
-        deviation = np.sqrt(squares / max(sum(self.lengths), 1))
-        self._refuse_constant(deviation, np.abs(means).max(axis=0))
+        squares = [np.einsum("tc,tc->c", record, record) for record in deviations]
+        deviation = np.sqrt(np.sum(squares, axis=0) / sum(self.lengths))
+        constant = deviation <= MEAN_ROUNDING * np.abs(means).max(axis=0)
+        if constant.any():
+            name = self._name_channel(int(constant.argmax()))
+            raise DataError(f"{name} is constant and carries no information: leave it out.")
         self.scale = deviation if options.scaling else np.ones_like(deviation)
         self.means = means if self.offsets else np.zeros_like(means)
         centred = deviations if self.offsets else records
@@ -247,16 +243,9 @@ class Records:
         finite = np.isfinite(record)
         if not finite.all():
             sample, channel = np.argwhere(~finite)[0]
-            place = f" of record {number}" if self.merged and len(self.lengths) > 1 else ""
+            place = f" of record {number}" if len(self.lengths) > 1 else ""
             fault = f"{self._name_channel(channel)} is not finite at sample {sample}{place}"
             raise DataError(f"{fault}: cut or repair the record.")
-
-    def _refuse_constant(self, deviation: np.ndarray, mean: np.ndarray) -> None:
-        """Refuse channels that deviate from their mean by rounding alone, shapes (channels,)."""
-        constant = deviation <= MEAN_ROUNDING * mean
-        if constant.any():
-            name = self._name_channel(int(constant.argmax()))
-            raise DataError(f"{name} is constant and carries no information: leave it out.")
 
     def _predict_inputs(self, references: list[np.ndarray], predicted: Any) -> list[np.ndarray]:
         """Noise-free predictions of the inputs in their scale."""
@@ -279,8 +268,7 @@ class Records:
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """Inner products of the Hankel rows, each less its mean over each record unless offsets are zero."""
         grams = [
-            hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
-            for record in self.scaled
+            hankel_gram(record, rows.window, subtract_means=self.offsets) for record in self.scaled
         ]
         return reduce(np.add, grams)[rows.indices][:, rows.indices]
 
@@ -291,8 +279,8 @@ class Records:
         size = records + rows.indices.size
         factor = np.zeros((size, size), order="F")
         for number, record in enumerate(self.scaled):
-            for columns in generate_columns(record, rows.window, rows.indices):
-                ones = np.zeros((records, len(columns)))
+            for hankel in generate_columns(record, rows.window):
+                ones = np.zeros((records, hankel.shape[1]))
                 ones[number] = self.offsets
-                factor = update_factor(factor, np.concatenate([ones, columns.T]).T)
+                factor = update_factor(factor, np.vstack([ones, hankel[rows.indices]]).T)
         return factor[records:, records:]

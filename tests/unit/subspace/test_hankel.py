@@ -56,29 +56,16 @@ def test_the_gram_matrix_is_that_of_the_hankel_matrix(samples, channels, rows, s
     np.testing.assert_allclose(gram, multiply_rows(x, rows), atol=1e-12 * scale)
 
 
-def test_products_beyond_the_lags_are_nan():
-    x = np.random.default_rng(0).standard_normal((200, 3))
-    rows, lags = 6, np.array([6, 2, 3])
-    gram, expected = hankel_gram(x, rows, lags), multiply_rows(x, rows)
-    for i in range(rows * 3):
-        for j in range(rows * 3):
-            (first, channel), later = divmod(min(i, j), 3), max(i, j) // 3
-            within = later - first < lags[channel] if i // 3 != j // 3 else True
-            assert np.isnan(gram[i, j]) != within
-            if within:
-                assert gram[i, j] == pytest.approx(expected[i, j], abs=1e-10)
-
-
 @pytest.mark.parametrize("samples", [7, 50, 3000])
 def test_columns_come_some_at_a_time(samples):
     x = np.random.default_rng(2).standard_normal((samples, 2))
-    columns = np.concatenate(list(generate_columns(x, 7, np.arange(14))))
-    np.testing.assert_array_equal(columns, block_hankel(x, 0, 7, samples - 6).T)
+    columns = np.concatenate(list(generate_columns(x, 7)), axis=1)
+    np.testing.assert_array_equal(columns, block_hankel(x, 0, 7, samples - 6))
 
 
 def test_a_record_shorter_than_the_window_has_no_column():
     x = np.ones((6, 2))
-    assert list(generate_columns(x, 7, np.arange(14))) == []
+    assert list(generate_columns(x, 7)) == []
     np.testing.assert_array_equal(hankel_gram(x, 7), np.zeros((14, 14)))
 
 
