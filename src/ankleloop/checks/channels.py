@@ -9,6 +9,7 @@ import numpy as np
 
 from ankleloop.checks.findings import Finding
 from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.trials.channels import VARIABLES
 
 CLIPPED_RUN = 5  # consecutive samples at the very end of the range
 CLIPPED_EXCESS = 5.0  # times as many samples there as at the next values
@@ -30,7 +31,6 @@ SPIKE_REACH = 0.003  # s on either side
 SPIKE_PARTS = (5, 10)
 SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
 SPIKE_SIZE = 0.5  # standard deviations of the channel
-CHANNEL_UNITS = {"position": "rad", "torque": "N·m", "reference": "rad"}
 
 
 def check_clipping(trial: PreparedTrial, name: str) -> Finding:
@@ -55,8 +55,6 @@ def check_clipping(trial: PreparedTrial, name: str) -> Finding:
 def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
     """Samples at an end of the range and the first one of their longest run, where the channel is clipped; or zeros."""
     at_end = np.flatnonzero(x == end)
-    if at_end.size < CLIPPED_RUN:
-        return 0, 0
     starts, lengths = _find_runs(at_end)
     longest = int(np.argmax(lengths))
     if lengths[longest] < CLIPPED_RUN:
@@ -64,9 +62,8 @@ def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
     # As many samples again, the nearest to the end, have more than five other values if it is clipped.
     count = min(2 * at_end.size, x.size)
     nearest = np.partition(np.abs(x - end), count - 1)[:count]
-    counts = np.unique(nearest[nearest > 0], return_counts=True)[1][:NEXT_VALUES]
-    usual = max(float(np.sum(counts)) / max(counts.size, 1), 1.0)
-    if at_end.size <= CLIPPED_EXCESS * usual:
+    counts = np.unique(nearest[nearest > 0], return_counts=True)[1]
+    if at_end.size <= CLIPPED_EXCESS * np.mean(counts[:NEXT_VALUES]):
         return 0, 0
     return at_end.size, int(starts[longest])
 
@@ -104,8 +101,6 @@ def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
     starts, lengths = _find_runs(np.flatnonzero(x[1:] == x[:-1]))
     runs = np.stack([starts, starts + lengths + 1], axis=1)
     rests = runs[lengths >= SHORTEST_REST * trial.rate - 1]
-    if not rests.size:
-        return rests
     witness = "reference" if "reference" in trial.trial else "torque"
     if name == "torque":
         witness = "position"
@@ -171,8 +166,7 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     reach = max(1, round(SPIKE_REACH * trial.rate))
     here = x[reach:-reach]
     products = (here - x[: -2 * reach]) * (here - x[2 * reach :])  # positive at a peak
-    fewest, most = SPIKE_PARTS
-    count = min(max(int(x.size / trial.rate), fewest), most)
+    count = int(np.clip(x.size / trial.rate, *SPIKE_PARTS))
     peaks = np.array([part.max(initial=0.0) for part in np.array_split(products, count)])
     height = float(np.sqrt(peaks.max()))
     usual = float(np.sqrt(np.median(peaks[peaks > 0.0]))) if height > 0.0 else 0.0
@@ -180,14 +174,11 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     if not stands_out:
         text = f"no peak of {1000 * SPIKE_REACH:g} ms stands out."
         return Finding(f"spikes of the {name}", "ok", text)
-    excess = ""
-    if usual > 0.0:
-        excess = f", {height / usual:.2g} times as high as other peaks of this length"
     sample = int(np.argmax(products)) + reach
     text = (
-        f"the {name} has a spike of about {height:.2g} {CHANNEL_UNITS[name]} at "
-        f"{_place(trial, sample)}{excess}: it acts on K, B, I and G like a blow that nobody "
-        "gave. Repair the sample, or cut the record there (segment)."
+        f"the {name} has a spike of about {height:.2g} {VARIABLES[name][0]} at "
+        f"{_place(trial, sample)}, {height / usual:.2g} times as high as other peaks of this length: it acts on K, B, "
+        "I and G like a blow that nobody gave. Repair the sample, or cut the record there (segment)."
     )
     return Finding(f"spikes of the {name}", "refused", text)
 

@@ -73,9 +73,10 @@ def _check_schedule(position: np.ndarray, course: Course, rate: float, schedule:
     movement, place = np.fft.irfft(spectra, position.size)
     reach = round(LARGEST_LATENESS * rate)
     middle = slice(reach, -reach)
-    lags = range(-reach, reach + 1)
-    late = [np.roll(place, lag)[middle] for lag in lags]
-    correlations = [np.corrcoef(movement[middle], shifted)[0, 1] for shifted in late]
+    correlations = [
+        np.corrcoef(movement[middle], np.roll(place, lag)[middle])[0, 1]
+        for lag in range(-reach, reach + 1)
+    ]
     shares = np.square(correlations)
     best = int(np.argmax(shares))
     if shares[best] < FOLLOWED_SHARE or shares[reach] > shares[best] - LATE_SHARE:
@@ -109,10 +110,10 @@ def refuse_locked_perturbation(
         repeated[rows] = (np.bincount(since, rest[rows]) / cycles)[since]
     # The mean of n independent cycles takes 1/n of their power.
     freedom = np.sum(1.0 - 1.0 / cycles[since])
-    power = np.sum((rest - repeated)[rows] ** 2) / max(freedom, 1.0)
+    power = np.sum((rest - repeated)[rows] ** 2) / freedom
     share = float(power / np.mean(reference[rows] ** 2))
     if share < LOCKED_SHARE:
         raise DataError(
-            f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {name} repeats with the cycle: the perturbation is "
+            f"{100 * (1.0 - share):.0f} % of the power of {name} repeats with the cycle: the perturbation is "
             "locked to it. Draw a new pseudorandom sequence for every cycle."
         )

@@ -10,7 +10,6 @@ import numpy as np
 from scipy import special
 
 from ankleloop.checks.findings import Finding
-from ankleloop.checks.movement import project_records
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.decimation import PASSBAND
@@ -55,9 +54,7 @@ class FeedbackTest:
         return self.duration * (2.0 * self.margin / LARGEST_BIAS) ** 2
 
 
-def feedback_test(
-    records: Sequence[Regressors], projection: ReferenceProjection | None = None
-) -> FeedbackTest:
+def feedback_test(records: Sequence[Regressors], projection: ReferenceProjection) -> FeedbackTest:
     r"""Test whether torque that the reference does not explain moves the joint, and how much that matters for K.
 
     **Detection.** The response to leads and lags of the reference is removed from position and torque, which leaves e_P
@@ -106,8 +103,8 @@ def feedback_test(
     records : sequence of Regressors
         Records of one joint at one identification rate, with reference and rectified velocity (basis "rectifier"); a
         stretch is opposed by a positive torque. Several records are tested together.
-    projection : ReferenceProjection, optional
-        That of the records (`ankleloop.checks.movement.project_records`), where it has been computed already.
+    projection : ReferenceProjection
+        That of the records, by `ankleloop.checks.movement.project_records`.
 
     Returns
     -------
@@ -124,15 +121,16 @@ def feedback_test(
 
     Examples
     --------
+    >>> from ankleloop.checks.movement import project_records
     >>> from ankleloop.joint.prepared import prepare
     >>> from ankleloop.simulation.simulate import simulate
     >>> options = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
     >>> trials = [simulate(seed=1, duration=30.0, closed_loop=closed) for closed in (True, False)]
-    >>> [feedback_test([prepare(trial).regressors(**options)]).loop for trial in trials]
+    >>> records = [prepare(trial).regressors(**options) for trial in trials]
+    >>> [feedback_test([record], project_records([record])).loop for record in records]
     ['closed', 'open']
     """
     rate = records[0].rate
-    projection = projection or project_records(records)
     length = round(SEGMENT_DURATION * rate)
     segments = sum(len(part) // length for part in projection.signals)
     if segments < FEWEST_SEGMENTS:
@@ -174,9 +172,8 @@ def _test_coherence(
     whole_position, whole_torque = _transform(projection.signals, length, bins)
     explained_position = whole_position - position
     explained_torque = whole_torque - torque
-    tiny = np.finfo(float).tiny
     power = np.sum(np.abs(position) ** 2, axis=0)
-    explained_power = np.maximum(np.sum(np.abs(explained_position) ** 2, axis=0), tiny)
+    explained_power = np.sum(np.abs(explained_position) ** 2, axis=0)
     joint = np.sum(explained_torque * explained_position.conj(), axis=0) / explained_power
     noise = torque - joint * position
     # The response of the joint is itself an estimate, which adds to the scatter of the cross spectrum.
@@ -187,8 +184,8 @@ def _test_coherence(
     p_value = float(special.chdtrc(2 * bins.size, statistic))
     # Velocity leads position by a quarter of a period; its product with the torque is power.
     cross = np.sum(position * noise.conj(), axis=0)
-    power_sign = np.real(1j * cross) / np.maximum(np.abs(cross), tiny)
-    work = float(-np.sum(squared * power_sign) / np.sum(squared))
+    power_sign = cross.imag / np.maximum(np.abs(cross), np.finfo(float).tiny)
+    work = float(np.sum(squared * power_sign) / np.sum(squared))
     return p_value, float(squared.mean()), work
 
 

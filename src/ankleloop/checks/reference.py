@@ -48,8 +48,6 @@ def find_reference_faults(
     except DataError:  # of a very short trial the method says so itself
         return []
     exchange = check_exchange(trial, name, grid)
-    if reference is None and exchange.verdict == "ok":
-        return []
     filtered = check_filtered_torque(trial, name, grid)  # it can look early as well
     if filtered.verdict != "ok":
         return [] if reference is None else [filtered]
@@ -69,8 +67,6 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     Behind an actuator that is faster than the record shows (200 Hz and more) there is no lag, and nothing is said.
     """
     ok = Finding("reference", "ok", f"the position is not ahead of {name}.")
-    if grid.samples < 3:
-        return ok
     deviation = 1.0 / sqrt(grid.samples)
     # As it was recorded the reference costs nothing, but its aliases can make a position look early.
     recorded = trial.samples[name][grid.first :: grid.factor][: grid.samples]
@@ -104,8 +100,8 @@ def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
     derivatives = [
         decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)
     ]
-    *_, explained = regress_torque([*derivatives, trial.channel("torque", grid)])
-    return explained > motion_products(trial, grid).explained
+    by_reference = regress_torque([*derivatives, trial.channel("torque", grid)], grid)
+    return by_reference.explained > motion_products(trial, grid).explained
 
 
 @once
