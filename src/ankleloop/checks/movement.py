@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import inf
 
 import numpy as np
 import xarray as xr
@@ -25,7 +25,6 @@ from ankleloop.trials.trial import REQUIRED
 # rad and N·m: squares of anything beyond leave the range of numbers.
 SMALLEST_DEVIATION, LARGEST_DEVIATION = 1e-12, 1e12
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave
-BAND_SAMPLES = 200  # about, for that deviation; an odd number apart, which few frequencies divide
 LARGEST_POSITION = 1.0  # rad, standard deviation: no joint can move so far
 # N·m/rad, torque over position: from a finger to a leg that stands.
 SMALLEST_RATIO, LARGEST_RATIO = 0.1, 1e5
@@ -126,9 +125,7 @@ def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
                 f"{LARGEST_DEVIATION:g} {unit} can be computed with: check its unit."
             )
             return Finding("scale", "refused", text)
-        x = trial.samples[name]
-        some = x[:: x.size // BAND_SAMPLES | 1]
-        if deviation < BAND_SHARE * sqrt(np.mean((some - x[0]) ** 2)):
+        if deviation < BAND_SHARE * np.std(trial.samples[name]):
             highest = PASSBAND * trial.rate / motion.grid.factor
             text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
             return Finding("scale", "refused", text)

@@ -68,11 +68,9 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     """
     ok = Finding("reference", "ok", f"the position is not ahead of {name}.")
     deviation = 1.0 / sqrt(grid.samples)
-    # As it was recorded the reference costs nothing, but its aliases can make a position look early.
-    recorded = trial.samples[name][grid.first :: grid.factor][: grid.samples]
-    if _correlate_rates(trial, recorded, grid) > -CHANCE_DEVIATIONS * deviation:
-        return ok
     correlation = _correlate_rates(trial, trial.channel(name, grid), grid)
+    if correlation > -CHANCE_DEVIATIONS * deviation:
+        return ok
     limit = max(AHEAD, CERTAIN_DEVIATIONS * deviation)
     if _explains_more_torque(trial, name, grid):
         limit = CHANCE_DEVIATIONS * deviation

@@ -320,11 +320,10 @@ class TimeVaryingModel(JointModel):
         size = int(next_fast_len(grid.samples + round(REFLEX_PADDING * rate), real=True))
         s = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
         lag = np.exp(-s * self.torque_lag)
-        response = lag * self.dynamics.response(s)[0]
-        reflex = irfft(response * rfft(drive, size), size)[: grid.samples]
-        if self.torque_lag:
-            intrinsic = irfft(lag * rfft(intrinsic, size), size)[: grid.samples]
-        return torque_dataset(trial.grid_times(grid), rate, **sum_paths(intrinsic, reflex))
+        spectra = lag * rfft([intrinsic, drive], size)
+        spectra[1] *= self.dynamics.response(s)[0]
+        torques = irfft(spectra, size)[:, : grid.samples]
+        return torque_dataset(trial.grid_times(grid), rate, **sum_paths(*torques))
 
     def check_range(self, trial: PreparedTrial) -> list[str]:
         """Warning about values of the scheduling variable, or times, for which the splines were not fitted."""
@@ -396,7 +395,7 @@ def simulate_torques(
     motion, drive = regressors.centred
     intrinsic = _simulate_columns(model, slice(MOTION), motion, None)
     reflex = _simulate_columns(model, slice(MOTION, None), drive, initial_state)
-    if not (np.isfinite(intrinsic).all() and np.isfinite(reflex).all()):
+    if not np.isfinite([intrinsic, reflex]).all():
         raise DataError(
             "the estimated torques are not finite: the model does not suit the record; lower its order."
         )

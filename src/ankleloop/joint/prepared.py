@@ -71,7 +71,6 @@ class PreparedTrial:
     Methods and scores take it in the place of a trial; they share what one of them has computed. So nothing of it can
     be edited: arrays of `trial`, and those that it computes, raise ValueError when they are written to. Its samples are
     those of the data set that was given, not a copy: to change them, change a copy of that and prepare it anew.
-    `validated` says that `ankleloop.trials.trial.validate` has accepted it already.
 
     >>> from ankleloop.simulation.simulate import simulate
     >>> trial = PreparedTrial(simulate(seed=1, duration=5.0))
@@ -83,8 +82,8 @@ class PreparedTrial:
     ValueError: assignment destination is read-only
     """
 
-    def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
-        self.trial = _protect_samples(trial if validated else validate(trial))
+    def __init__(self, trial: xr.Dataset) -> None:
+        self.trial = _protect_samples(validate(trial))
         self.rate = float(self.trial.attrs["sampling_rate"])
         # As recorded, by name, shape (samples,).
         self.samples = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import ceil
 from typing import Literal, NamedTuple
 
@@ -37,7 +37,6 @@ class Grid(NamedTuple):
     samples: int
 
 
-@lru_cache(maxsize=64)
 def decimation_grid(samples: int, rate: float, identification_rate: float, delay: float) -> Grid:
     """Grid of all decimated samples that no filter edge touches."""
     factor = decimation_factor(rate, identification_rate)

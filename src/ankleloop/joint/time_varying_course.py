@@ -36,6 +36,7 @@ COORDINATES = {
     "time": ("s", "time from the first sample"),
     "schedule": ("", "scheduling variable"),
 }
+SCHEDULE_TEXTS = ("variable", "variable_unit")
 TRAJECTORIES = ("K", "B", "G", "I")  # I where it varies
 # Names of a trajectory and of the ends of its band, by what follows the symbol of the parameter.
 ENDS = {
@@ -72,13 +73,10 @@ class Course:
     @cached_property
     def equal_cycles(self) -> int:
         """Samples of each cycle where all have the same number and phases, else 0."""
-        if not self.periodic:
-            return 0
         sizes = np.bincount(self.segment)
         first_phases = self.place[self.rows][:: sizes[0]]
-        if np.ptp(sizes) > 0 or np.ptp(first_phases) > SAME_PHASE:
-            return 0
-        return int(sizes[0])
+        same_phases = np.ptp(sizes) == 0 and np.ptp(first_phases) <= SAME_PHASE
+        return int(sizes[0]) if self.periodic and same_phases else 0
 
 
 def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarray:
@@ -277,14 +275,10 @@ def read_trajectories(fields: Fields) -> xr.Dataset:
     """Trajectories whose values a file holds."""
     dimension = next((name for name in COORDINATES if name in fields.values), "time")
     coordinate = fields.array(dimension)
-    values = {}
-    for name in TRAJECTORIES:
-        if name == "I" and name not in fields.values:
-            continue
-        for end in ENDS:
-            values[name + end] = fields.array(name + end, coordinate.size, finite=False)
-    schedule = {
-        name: fields.text(name) for name in ("variable", "variable_unit") if name in fields.values
+    schedule = {name: fields.text(name) for name in SCHEDULE_TEXTS if name in fields.values}
+    values = {
+        name: fields.array(name, coordinate.size, finite=False)
+        for name in fields.values.keys() - {dimension, *SCHEDULE_TEXTS}
     }
     return trajectory_dataset(dimension, coordinate, values, **schedule)
 

@@ -53,13 +53,12 @@ def identify_trials(
     its trials, and a method whose options are the same at several of them identifies a trial once. `files["estimates"]`
     is optional.
     """
-    estimates = (
-        EstimateTable(precision, Path(files["scores"]).parent) if "estimates" in files else None
-    )
+    folder = str(Path(files["scores"]).parent)
+    estimates = EstimateTable(precision, folder) if "estimates" in files else None
     types = {point_column(name): TYPES[kind] for name, kind in kinds.items()}
     tables, waiting = [], []
     for condition, number, trial in trials:
-        prepared = trial if isinstance(trial, str) else PreparedTrial(trial, validated=True)
+        prepared = trial if isinstance(trial, str) else PreparedTrial(trial)
         results: dict[
             tuple[str, str], tuple[Estimate | None, dict[str, Any]]
         ] = {}  # by method and its options

@@ -116,7 +116,7 @@ def save_trials(
             if isinstance(trial, str):
                 continue
             if "time" not in file.variables:
-                _create_variables(file, trial, np.dtype(precision))
+                _create_variables(file, trial, precision)
             for name, variable in trial.data_vars.items():
                 if variable.values.any():  # what is not written is zero
                     file[name][row] = variable.values.astype(precision)
@@ -124,14 +124,14 @@ def save_trials(
         texts[:] = np.array(rows, dtype=object)
 
 
-def _create_variables(file: h5netcdf.File, trial: xr.Dataset, dtype: np.dtype[Any]) -> None:
+def _create_variables(file: h5netcdf.File, trial: xr.Dataset, precision: str) -> None:
     """Create the variables of all trials, which are those of the first one."""
     size = trial.sizes["time"]
     file.dimensions["time"] = size
     times = file.create_variable("time", ("time",), float)
     times[:] = trial["time"].values
     for name in trial.data_vars:
-        file.create_variable(name, ("trial", "time"), dtype, chunks=(1, size))
+        file.create_variable(name, ("trial", "time"), precision, chunks=(1, size))
     for name, variable in trial.variables.items():
         file[name].attrs.update(variable.attrs)
 
