@@ -195,10 +195,12 @@ def _transform(
     """Spectra of position and torque in segments of all records, shapes (segments, bins)."""
     long_enough = [record for record in records if len(record) >= length]
     position, torque = (
-        np.concatenate([segment_spectra(x[:, channel], length, length) for x in long_enough])
+        np.concatenate(
+            [segment_spectra(x[:, channel], length, length)[:, bins] for x in long_enough]
+        )
         for channel in (0, MOTION)
     )
-    return position[:, bins], torque[:, bins]
+    return position, torque
 
 
 def _bound_bias(projection: ReferenceProjection, length: int) -> tuple[float, float]:
@@ -286,8 +288,9 @@ def _describe_loop(test: FeedbackTest) -> str:
         text = f"{text}, but the torque does no work on the load"
     else:
         text = f"{text}, no more than chance"
-    limit = max(test.limit, SHOWN_BIAS)
-    confidence = f"{limit:.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
+    confidence = (
+        f"{max(test.limit, SHOWN_BIAS):.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
+    )
     if test.loop == "open":
         return f"{text}. Whatever feedback there is biases K by least squares by less than {confidence}."
     return (

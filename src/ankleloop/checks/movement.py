@@ -65,7 +65,7 @@ class MotionProducts:
     @property
     def deviations(self) -> tuple[float, float]:
         """Standard deviations of position and torque."""
-        position, *_, torque = np.sqrt(self.products.diagonal() / self.grid.samples).tolist()
+        position, *_, torque = np.sqrt(self.products.diagonal() / self.grid.samples)
         return position, torque
 
 
@@ -84,7 +84,7 @@ def regress_torque(signals: Sequence[np.ndarray], grid: Grid) -> MotionProducts:
     products = deviations @ deviations.T
     right = products[:-1, -1]
     stiffness = solve_scaled(products[:-1, :-1], right)
-    explained = float(right @ stiffness / products[-1, -1])
+    explained = (right @ stiffness) / products[-1, -1]
     return MotionProducts(grid, deviations, products, stiffness, explained)
 
 
@@ -111,7 +111,7 @@ def regress_torque_by_reference(projection: ReferenceProjection) -> list[tuple[n
         instruments = motion - residuals[:, :MOTION]
         stiffness = solve_scaled(instruments.T @ motion, instruments.T @ torque)
         unexplained = np.var(torque - motion @ stiffness) / np.var(torque)
-        fits.append((stiffness, 1.0 - float(unexplained)))
+        fits.append((stiffness, 1.0 - unexplained))
     return fits
 
 
@@ -130,8 +130,9 @@ def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
             text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
             return Finding("scale", "refused", text)
     position, torque = motion.deviations
-    text = f"standard deviations of {position:.3g} rad and {torque:.3g} N·m."
-    return Finding("scale", "ok", text)
+    return Finding(
+        "scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m."
+    )
 
 
 def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
@@ -162,7 +163,7 @@ def check_sign(stiffness: np.ndarray, explained: float, turned_sign: int = -1) -
 
     Shapes: stiffness (3,).
     """
-    values = dict(zip(STIFFNESS, stiffness.tolist(), strict=True))
+    values = dict(zip(STIFFNESS, stiffness, strict=True))
     numbers = [f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items()]
     text = f"a second-order model without reflex has {', '.join(numbers)}"
     if values["K"] < 0.0 and (values["I"] < 0.0 or explained > SIGN_SHARE):
@@ -192,7 +193,7 @@ def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     power = np.mean(np.abs(spectra) ** 2, axis=0)
     noise = power * (1.0 - coherence(spectra, torque_spectra))
     is_above = np.arange(power.size) * trial.rate / length > NOISE_BAND
-    share = float(np.sum(noise[is_above]) / np.sum(power))
+    share = np.sum(noise[is_above]) / np.sum(power)
     if share < NOISE_SHARE:
         return ok
     text = (
@@ -233,7 +234,7 @@ def check_relation(trial: PreparedTrial, motion: MotionProducts) -> Finding:
     """Torque that has something to do with the movement."""
     text = f"position, velocity and acceleration explain {100.0 * motion.explained:.2g} % of the torque"
     duration = trial.time.size / trial.rate
-    by_chance = float(np.clip(UNRELATED_DURATION / duration, *UNRELATED_LIMITS))
+    by_chance = np.clip(UNRELATED_DURATION / duration, *UNRELATED_LIMITS)
     if not motion.explained >= by_chance:
         return Finding(
             "relation",
@@ -259,10 +260,11 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
     columns = [velocity[:, None] for velocity in velocities]
     grams = [hankel_gram(column, rows, subtract_means=False) for column in columns]
     eigenvalues = np.linalg.eigvalsh(np.sum(grams, axis=0))
-    rank = int(np.count_nonzero(eigenvalues > EXCITED_SHARE * eigenvalues[-1]))
+    rank = np.count_nonzero(eigenvalues > EXCITED_SHARE * eigenvalues[-1])
     if rank >= attainable:
-        text = f"persistent for order {order} and {block_rows} block rows."
-        return Finding("excitation", "ok", text)
+        return Finding(
+            "excitation", "ok", f"persistent for order {order} and {block_rows} block rows."
+        )
     verdict = "refused" if rank < 2 * (order + 3) else "warning"
     text = (
         f"the movement excites {rank} of {attainable} directions that {block_rows} block rows and order {order} "
@@ -283,7 +285,7 @@ def check_reference(records: Sequence[Regressors]) -> Finding:
         return Finding("reference", "warning", text)
     text = f"{name} explains {100 * max(share, 0.0):.1f} % of the position in unseen halves"
     duration = sum(map(len, positions)) / rate
-    limit = float(np.clip(WEAK_DURATION / duration, *WEAK_LIMITS))
+    limit = np.clip(WEAK_DURATION / duration, *WEAK_LIMITS)
     if share < limit:
         return Finding(
             "reference",

@@ -76,7 +76,7 @@ def check_coherence(record: Regressors) -> Finding:
     """Highest frequency at which position and torque are related."""
     spectra = estimate_spectra([record])
     frequency = spectra["frequency"]
-    highest = float(frequency[spectra["coherence"] >= COHERENT_LEVEL].max(initial=0.0))
+    highest = frequency[spectra["coherence"] >= COHERENT_LEVEL].max(initial=0.0)
     low = frequency < 1.0
     text = f"position and torque are coherent up to {highest:.3g} Hz"
     if low.any():
@@ -97,7 +97,7 @@ def check_drift(record: Regressors) -> Finding:
     torque = record.torque - record.torque.mean()
     power = np.abs(np.fft.rfft(torque)) ** 2
     slow = np.fft.rfftfreq(torque.size, 1.0 / record.rate) < DRIFT_FREQUENCY
-    share = float(power[slow].sum() / power.sum())
+    share = power[slow].sum() / power.sum()
     text = f"{100 * share:.1f} % of the torque's variance lie below {DRIFT_FREQUENCY:g} Hz"
     if share > DRIFT_SHARE:
         return Finding(

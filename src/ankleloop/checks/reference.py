@@ -68,7 +68,12 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     """
     ok = Finding("reference", "ok", f"the position is not ahead of {name}.")
     deviation = 1.0 / sqrt(grid.samples)
-    correlation = _correlate_rates(trial, trial.channel(name, grid), grid)
+    reference = trial.channel(name, grid)
+    rate = reference[2:] - reference[:-2]
+    acceleration = trial.motion(grid)[2][1:-1]
+    energy = (rate @ rate) * (acceleration @ acceleration)
+    # Positive where the position is the later one.
+    correlation = (rate @ acceleration) / sqrt(energy) if energy > 0.0 else 0.0
     if correlation > -CHANCE_DEVIATIONS * deviation:
         return ok
     limit = max(AHEAD, CERTAIN_DEVIATIONS * deviation)
@@ -82,14 +87,6 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
         "recorded late?"
     )
     return Finding("reference", "warning", text)
-
-
-def _correlate_rates(trial: PreparedTrial, reference: np.ndarray, grid: Grid) -> float:
-    """Correlation of the rate of the reference with the acceleration; positive where the position is the later one."""
-    acceleration = trial.motion(grid)[2][1:-1]
-    rate = reference[2:] - reference[:-2]
-    energy = float(rate @ rate) * float(acceleration @ acceleration)
-    return float(rate @ acceleration) / sqrt(energy) if energy > 0.0 else 0.0
 
 
 def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
@@ -151,7 +148,7 @@ def _unexplained_share(
     middle = slice(first, first + samples)
     target = y[middle][lags : samples - leads]
     target = target - target.mean()
-    energy = float(target @ target)
+    energy = target @ target
     if not energy > 0.0:
         return 1.0
     lagged = lag_matrix(np.column_stack([signal[middle] for signal in signals]), leads, lags)
@@ -159,7 +156,7 @@ def _unexplained_share(
     products = lagged.T @ target
     power = np.repeat([np.var(signal) for signal in signals], taps)
     gram = lagged.T @ lagged + np.diag(FILTER_RIDGE * target.size * power)
-    return 1.0 - float(products @ solve_scaled(gram, products)) / energy
+    return 1.0 - (products @ solve_scaled(gram, products)) / energy
 
 
 def check_instrument(

@@ -103,8 +103,8 @@ def save_estimate(estimate: Estimate, path: PathLike, *, overwrite: bool = False
         groups["model"] = model_dataset(estimate.predictor)
     if estimate.trajectories is not None:
         groups["trajectories"] = estimate.trajectories
-    diagnostics = {DIAGNOSTICS_TEXT: dump_values(estimate.diagnostics)}
-    groups["diagnostics"] = xr.Dataset(attrs=diagnostics)
+    diagnostics = dump_values(estimate.diagnostics)
+    groups["diagnostics"] = xr.Dataset(attrs={DIAGNOSTICS_TEXT: diagnostics})
     write_groups(groups, path, MATLAB_VARIABLE, overwrite=overwrite)
 
 

@@ -236,8 +236,8 @@ class ResponseModel(JointModel):
         drive = regressors.inputs[:, -1]
         intrinsic = np.convolve(position - position.mean(), self.intrinsic)[leads:][rows]
         reflex = np.convolve(drive - drive.mean(), self.reflex)[rows]
-        torques = sum_paths(intrinsic, reflex)
-        return torque_dataset(regressors.time[rows], regressors.rate, **torques)
+        time = regressors.time[rows]
+        return torque_dataset(time, regressors.rate, **sum_paths(intrinsic, reflex))
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,7 +317,7 @@ class TimeVaryingModel(JointModel):
         (rectified,) = self.inputs.basis(trial.velocity(self.inputs.delay))
         drive = parameters["G"] * decimate(rectified, *grid)
         rate = self.inputs.identification_rate
-        size = int(next_fast_len(grid.samples + round(REFLEX_PADDING * rate), real=True))
+        size = next_fast_len(grid.samples + round(REFLEX_PADDING * rate), real=True)
         s = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
         lag = np.exp(-s * self.torque_lag)
         spectra = lag * rfft([intrinsic, drive], size)
@@ -331,7 +331,7 @@ class TimeVaryingModel(JointModel):
             return []
         grid = trial.grid(self.inputs.identification_rate, self.inputs.delay)
         place = self._compute_place(trial, grid)
-        outside = float(np.mean((place < 0) | (place > 1)))
+        outside = np.mean((place < 0) | (place > 1))
         if outside <= LARGEST_SHARE_OUTSIDE:
             return []
         name = self.variable or "the time"

@@ -42,7 +42,7 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
     factor = decimation_factor(rate, identification_rate)
     margin = decimation_margin(factor)
     before, after = differentiation_margin(rate, delay)
-    first = factor * ceil((margin + max(before, 0)) / factor)
+    first = factor * ceil((margin + before) / factor)
     last = samples - 1 - margin - max(after, 0)
     count = (last - first) // factor + 1
     if count < 2:
@@ -107,5 +107,5 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
         origin = "" if name == MEASURED else "estimated "
         attributes = {"units": "N·m", "long_name": f"{origin}{name} torque"}
         variables[name] = ("time", values, attributes)
-    coordinate = ("time", np.asarray(time, dtype=float), {"units": "s", "long_name": "time"})
-    return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": float(rate)})
+    coordinate = ("time", time, {"units": "s", "long_name": "time"})
+    return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": rate})

@@ -31,7 +31,12 @@ Points = Mapping[str, Mapping[str, Any]]
 def read_trials(path: PathLike, conditions: Points) -> Trials:
     """Trials of a file, those of each condition from `first` to `stop` without it."""
     return load_rows(
-        path, {condition: (part["first"], part["stop"]) for condition, part in conditions.items()}
+        path,
+        [
+            (condition, number)
+            for condition, part in conditions.items()
+            for number in range(part["first"], part["stop"])
+        ],
     )
 
 
@@ -89,7 +94,8 @@ def identify_trials(
             waiting = []
         log.info("%s: identified trial %d", condition, number)
         if isinstance(prepared, PreparedTrial):
-            prepared.clear()
+            # Else trials would stay in memory until Python next searches for reference cycles.
+            prepared.computed.clear()
     table = pa.concat_tables([*tables, as_table(waiting, types)], promote_options="default")
     if estimates is not None:
         estimates.write(files["estimates"], overwrite=True)

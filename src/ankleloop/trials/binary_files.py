@@ -136,8 +136,8 @@ class ClassicNetcdfContents(Contents):
         self._file = scipy.io.netcdf_file(path, "r", mmap=True, maskandscale=False)
         for name, node in self._file.variables.items():
             samples = node.data
-            read = partial(samples.__getitem__, ...)
-            self.variables.append(Variable(name, samples.shape, read, node._attributes))
+            variable = Variable(name, samples.shape, samples.view, node._attributes)
+            self.variables.append(variable)
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, or of the file, whose name is empty."""

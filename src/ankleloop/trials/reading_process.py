@@ -222,9 +222,7 @@ def _exchange(
 def _try(contents: Contents) -> tuple[()]:
     """Read everything, and give nothing."""
     for name in contents.names():
-        variable = contents.find(name)
-        if variable is not None:
-            variable.read()
+        contents.require(name).read()
     return ()
 
 

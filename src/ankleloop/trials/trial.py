@@ -279,11 +279,11 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
     with np.errstate(over="ignore", invalid="ignore"):  # of what is refused
         if half == 0:  # two samples
-            return 1, float(abs(position[1] - position[0])) * rate
+            return 1, abs(position[1] - position[0]) * rate
         change = np.correlate(position, np.sign(np.arange(-half, half + 1.0)))
         sample = int(np.argmax(np.abs(change)))
         # The means lie half + 1 samples apart, and each is a sum over half samples.
-        speed = float(abs(change[sample])) * rate / (half * (half + 1))
+        speed = abs(change[sample]) * rate / (half * (half + 1))
     return half + sample, speed
 
 
