@@ -10,6 +10,7 @@ import numpy as np
 from scipy import special
 
 from ankleloop.checks.findings import Finding
+from ankleloop.checks.movement import project_records
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.signals.decimation import PASSBAND
@@ -54,7 +55,9 @@ class FeedbackTest:
         return self.duration * (2.0 * self.margin / LARGEST_BIAS) ** 2
 
 
-def feedback_test(records: Sequence[Regressors], projection: ReferenceProjection) -> FeedbackTest:
+def feedback_test(
+    records: Sequence[Regressors], projection: ReferenceProjection | None = None
+) -> FeedbackTest:
     r"""Test whether torque that the reference does not explain moves the joint, and how much that matters for K.
 
     **Detection.** The response to leads and lags of the reference is removed from position and torque, which leaves e_P
@@ -103,8 +106,8 @@ def feedback_test(records: Sequence[Regressors], projection: ReferenceProjection
     records : sequence of Regressors
         Records of one joint at one identification rate, with reference and rectified velocity (basis "rectifier"); a
         stretch is opposed by a positive torque. Several records are tested together.
-    projection : ReferenceProjection
-        That of the records, by `ankleloop.checks.movement.project_records`.
+    projection : ReferenceProjection, optional
+        That of the records (`ankleloop.checks.movement.project_records`), where it has been computed already.
 
     Returns
     -------
@@ -121,16 +124,15 @@ def feedback_test(records: Sequence[Regressors], projection: ReferenceProjection
 
     Examples
     --------
-    >>> from ankleloop.checks.movement import project_records
     >>> from ankleloop.joint.prepared import prepare
     >>> from ankleloop.simulation.simulate import simulate
     >>> options = {"delay": 0.04, "basis": "rectifier", "identification_rate": 100.0, "reference": "reference"}
     >>> trials = [simulate(seed=1, duration=30.0, closed_loop=closed) for closed in (True, False)]
-    >>> records = [prepare(trial).regressors(**options) for trial in trials]
-    >>> [feedback_test([record], project_records([record])).loop for record in records]
+    >>> [feedback_test([prepare(trial).regressors(**options)]).loop for trial in trials]
     ['closed', 'open']
     """
     rate = records[0].rate
+    projection = projection or project_records(records)
     length = round(SEGMENT_DURATION * rate)
     segments = sum(len(part) // length for part in projection.signals)
     if segments < FEWEST_SEGMENTS:

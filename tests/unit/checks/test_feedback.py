@@ -7,7 +7,6 @@ from scipy import stats
 
 from ankleloop import DataError, segment, simulate
 from ankleloop.checks.loop import LARGEST_BIAS, feedback_test, fit_stiffness, path_bias
-from ankleloop.checks.movement import project_records
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.responses import project_on_reference, unseen_share
 
@@ -26,12 +25,8 @@ def regressors(trial):
     )
 
 
-def run_on_records(records):
-    return feedback_test(records, project_records(records))
-
-
 def run_feedback_test(*trials):
-    return run_on_records([regressors(trial) for trial in trials])
+    return feedback_test([regressors(trial) for trial in trials])
 
 
 def shake(trial, seed, size):
@@ -149,7 +144,7 @@ def test_frequency_of_false_alarms(samples, alternative):
     for _ in range(200):
         r = rng.standard_normal(record.torque.size)
         e, v = (sps.lfilter([1.0], [1.0, -0.95], rng.standard_normal(r.size)) for _ in range(2))
-        p.append(run_on_records([Signals(r + 0.1 * e, r + v, r)]).p_value)
+        p.append(feedback_test([Signals(r + 0.1 * e, r + v, r)]).p_value)
     assert np.mean(np.array(p) < 0.01) <= 0.03
     assert stats.kstest(p, "uniform", alternative=alternative).pvalue > 1e-3
 
