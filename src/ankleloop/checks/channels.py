@@ -9,6 +9,7 @@ import numpy as np
 
 from ankleloop.checks.findings import Finding
 from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.trials.channels import VARIABLES
 
 CLIPPED_RUN = 5  # consecutive samples at the very end of the range
 CLIPPED_EXCESS = 5.0  # times as many samples there as at the next values
@@ -30,7 +31,6 @@ SPIKE_REACH = 0.003  # s on either side
 SPIKE_PARTS = (5, 10)
 SPIKE_EXCESS = 5.0  # times the usual largest peak of a part
 SPIKE_SIZE = 0.5  # standard deviations of the channel
-CHANNEL_UNITS = {"position": "rad", "torque": "N·m", "reference": "rad"}
 
 
 def check_clipping(trial: PreparedTrial, name: str) -> Finding:
@@ -55,20 +55,17 @@ def check_clipping(trial: PreparedTrial, name: str) -> Finding:
 def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
     """Samples at an end of the range and the first one of their longest run, where the channel is clipped; or zeros."""
     at_end = np.flatnonzero(x == end)
-    if at_end.size < CLIPPED_RUN:
-        return 0, 0
     starts, lengths = _find_runs(at_end)
-    longest = int(np.argmax(lengths))
+    longest = np.argmax(lengths)
     if lengths[longest] < CLIPPED_RUN:
         return 0, 0
     # As many samples again, the nearest to the end, have more than five other values if it is clipped.
     count = min(2 * at_end.size, x.size)
     nearest = np.partition(np.abs(x - end), count - 1)[:count]
-    counts = np.unique(nearest[nearest > 0], return_counts=True)[1][:NEXT_VALUES]
-    usual = max(float(np.sum(counts)) / max(counts.size, 1), 1.0)
-    if at_end.size <= CLIPPED_EXCESS * usual:
+    counts = np.unique(nearest[nearest > 0], return_counts=True)[1]
+    if at_end.size <= CLIPPED_EXCESS * np.mean(counts[:NEXT_VALUES]):
         return 0, 0
-    return at_end.size, int(starts[longest])
+    return at_end.size, starts[longest]
 
 
 def _find_runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -81,8 +78,9 @@ def check_rest(trial: PreparedTrial, name: str) -> Finding:
     """A channel that keeps one value for a second while another one moves, or together with all others for long."""
     rests = _find_dead_rests(trial, name)
     if not len(rests):
-        text = f"the {name} does not stand still for {SHORTEST_REST:g} s."
-        return Finding(f"rest of the {name}", "ok", text)
+        return Finding(
+            f"rest of the {name}", "ok", f"the {name} does not stand still for {SHORTEST_REST:g} s."
+        )
     time = trial.samples["time"]
     samples = np.sum(np.diff(rests))
     share = 100.0 * samples / time.size
@@ -104,8 +102,6 @@ def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
     starts, lengths = _find_runs(np.flatnonzero(x[1:] == x[:-1]))
     runs = np.stack([starts, starts + lengths + 1], axis=1)
     rests = runs[lengths >= SHORTEST_REST * trial.rate - 1]
-    if not rests.size:
-        return rests
     witness = "reference" if "reference" in trial.trial else "torque"
     if name == "torque":
         witness = "position"
@@ -127,13 +123,13 @@ def check_gaps(trial: PreparedTrial, name: str) -> Finding:
     """
     x = trial.samples[name]
     starts, lengths = _find_filled_gaps(x, trial.rate)
-    share = float(np.sum(lengths + 2)) / x.size
+    share = np.sum(lengths + 2) / x.size
     if share < GAP_SHARE:
         return Finding(f"gaps of the {name}", "ok", "none was filled.")
     verdict = "warning" if share < LARGE_GAP_SHARE else "refused"
     text = (
         f"{starts.size} stretches of the {name} ({100 * share:.2g} % of the record) are exactly straight, "
-        f"the first from {_place(trial, int(starts[0]))}: gaps were filled by the last value or a line, "
+        f"the first from {_place(trial, starts[0])}: gaps were filled by the last value or a line, "
         "and K, B, I and G mix that with the joint. Cut the record there (segment)."
     )
     return Finding(f"gaps of the {name}", verdict, text)
@@ -143,14 +139,14 @@ def _find_filled_gaps(x: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarra
     """First sample and number of bends of each straight stretch that fills a gap."""
     slopes = np.diff(x)
     bends = np.abs(np.diff(slopes))
-    largest_rounding = GAP_ROUNDING * float(np.abs(x).max())
+    largest_rounding = GAP_ROUNDING * np.abs(x).max()
     straight = np.flatnonzero(bends <= largest_rounding)
     if straight.size < GAP_SHARE * x.size:
         return straight[:0], straight[:0]
     starts, lengths = _find_runs(straight)
     heights = np.abs(slopes)
-    usual = float(np.sqrt(np.mean(slopes**2)))
-    converter_step = float(heights[heights > largest_rounding].min(initial=np.inf))
+    usual = np.sqrt(np.mean(slopes**2))
+    converter_step = heights[heights > largest_rounding].min(initial=np.inf)
     bends_before = np.append(np.inf, bends)[starts]
     bends_after = np.append(bends, 0.0)[starts + lengths]
     begins = bends_before > GAP_SLOPE * usual
@@ -171,30 +167,27 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     reach = max(1, round(SPIKE_REACH * trial.rate))
     here = x[reach:-reach]
     products = (here - x[: -2 * reach]) * (here - x[2 * reach :])  # positive at a peak
-    fewest, most = SPIKE_PARTS
-    count = min(max(int(x.size / trial.rate), fewest), most)
+    count = int(np.clip(x.size / trial.rate, *SPIKE_PARTS))
     peaks = np.array([part.max(initial=0.0) for part in np.array_split(products, count)])
-    height = float(np.sqrt(peaks.max()))
-    usual = float(np.sqrt(np.median(peaks[peaks > 0.0]))) if height > 0.0 else 0.0
-    stands_out = height > SPIKE_EXCESS * usual and height > SPIKE_SIZE * float(np.std(x))
+    height = np.sqrt(peaks.max())
+    usual = np.sqrt(np.median(peaks[peaks > 0.0])) if height > 0.0 else 0.0
+    stands_out = height > SPIKE_EXCESS * usual and height > SPIKE_SIZE * np.std(x)
     if not stands_out:
-        text = f"no peak of {1000 * SPIKE_REACH:g} ms stands out."
-        return Finding(f"spikes of the {name}", "ok", text)
-    excess = ""
-    if usual > 0.0:
-        excess = f", {height / usual:.2g} times as high as other peaks of this length"
+        return Finding(
+            f"spikes of the {name}", "ok", f"no peak of {1000 * SPIKE_REACH:g} ms stands out."
+        )
     sample = int(np.argmax(products)) + reach
     text = (
-        f"the {name} has a spike of about {height:.2g} {CHANNEL_UNITS[name]} at "
-        f"{_place(trial, sample)}{excess}: it acts on K, B, I and G like a blow that nobody "
-        "gave. Repair the sample, or cut the record there (segment)."
+        f"the {name} has a spike of about {height:.2g} {VARIABLES[name][0]} at "
+        f"{_place(trial, sample)}, {height / usual:.2g} times as high as other peaks of this length: it acts on K, B, "
+        "I and G like a blow that nobody gave. Repair the sample, or cut the record there (segment)."
     )
     return Finding(f"spikes of the {name}", "refused", text)
 
 
 def _place(trial: PreparedTrial, sample: int) -> str:
     """Number and time of a sample."""
-    return f"sample {sample} ({float(trial.samples['time'][sample]):.6g} s)"
+    return f"sample {sample} ({trial.samples['time'][sample]:.6g} s)"
 
 
 CHANNEL_CHECKS = (check_clipping, check_rest, check_gaps, check_spikes)

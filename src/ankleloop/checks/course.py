@@ -41,7 +41,7 @@ def _check_cycles(position: np.ndarray, course: Course, rate: float) -> Finding:
     text = f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified."
     usable = Finding("cycles", "ok", text)
     starts = course.rows.start + np.flatnonzero(course.since == 0)
-    frequency = np.fft.rfftfreq(position.size) * float(np.median(np.diff(starts)))  # per cycle
+    frequency = np.fft.rfftfreq(position.size) * np.median(np.diff(starts))  # per cycle
     movement = position - position.mean()
     power = np.abs(np.fft.rfft(movement * np.hanning(movement.size))) ** 2
     inside = _is_within(frequency, MOVEMENT_BAND)
@@ -50,7 +50,7 @@ def _check_cycles(position: np.ndarray, course: Course, rate: float) -> Finding:
         return usable
     analytic = np.fft.ifft(np.where(inside, np.fft.rfft(movement), 0.0), movement.size)
     at_onsets = analytic[starts]
-    agreement = float(np.abs(np.mean(at_onsets / np.abs(at_onsets))))
+    agreement = np.abs(np.mean(at_onsets / np.abs(at_onsets)))
     if agreement > SAME_PHASE:
         return usable
     text = (
@@ -73,15 +73,19 @@ def _check_schedule(position: np.ndarray, course: Course, rate: float, schedule:
     movement, place = np.fft.irfft(spectra, position.size)
     reach = round(LARGEST_LATENESS * rate)
     middle = slice(reach, -reach)
-    lags = range(-reach, reach + 1)
-    late = [np.roll(place, lag)[middle] for lag in lags]
-    correlations = [np.corrcoef(movement[middle], shifted)[0, 1] for shifted in late]
+    correlations = [
+        np.corrcoef(movement[middle], np.roll(place, lag)[middle])[0, 1]
+        for lag in range(-reach, reach + 1)
+    ]
     shares = np.square(correlations)
-    best = int(np.argmax(shares))
+    best = np.argmax(shares)
     if shares[best] < FOLLOWED_SHARE or shares[reach] > shares[best] - LATE_SHARE:
         low, high = course.limits
-        text = f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile)."
-        return Finding("schedule", "ok", text)
+        return Finding(
+            "schedule",
+            "ok",
+            f"{schedule} goes from {low:.4g} to {high:.4g} (2nd to 98th percentile).",
+        )
     lateness = (reach - best) / rate
     order = "earlier" if lateness > 0.0 else "later"
     text = (
@@ -109,10 +113,10 @@ def refuse_locked_perturbation(
         repeated[rows] = (np.bincount(since, rest[rows]) / cycles)[since]
     # The mean of n independent cycles takes 1/n of their power.
     freedom = np.sum(1.0 - 1.0 / cycles[since])
-    power = np.sum((rest - repeated)[rows] ** 2) / max(freedom, 1.0)
-    share = float(power / np.mean(reference[rows] ** 2))
+    power = np.sum((rest - repeated)[rows] ** 2) / freedom
+    share = power / np.mean(reference[rows] ** 2)
     if share < LOCKED_SHARE:
         raise DataError(
-            f"{100 * max(1.0 - share, 0.0):.0f} % of the power of {name} repeats with the cycle: the perturbation is "
+            f"{100 * (1.0 - share):.0f} % of the power of {name} repeats with the cycle: the perturbation is "
             "locked to it. Draw a new pseudorandom sequence for every cycle."
         )

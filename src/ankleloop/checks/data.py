@@ -65,8 +65,10 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     warnings += [finding.text for finding in _check_references(trials, use)]
     if warnings:  # what a fault of a channel excites, or does not, says little
         return warnings
-    grids = [trial.grid(use.identification_rate, use.delay) for trial in trials]
-    velocities = [trial.motion(grid)[1] for trial, grid in zip(trials, grids, strict=True)]
+    velocities = []
+    for trial in trials:
+        grid = trial.grid(use.identification_rate, use.delay)
+        velocities.append(trial.motion(grid)[1])
     excitation = check_excitation(velocities, use.order, use.block_rows)
     return [] if excitation.verdict == "ok" else [excitation.text]
 
@@ -121,7 +123,6 @@ def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Fin
         return []  # without the variable the method says so itself
     rate = use.identification_rate
     findings = []
-    weak = []
     for trial in trials:
         later, position, torque = reference_correlations(trial, trial.grid(rate, use.delay), name)
         if torque > 1.0 - COPY_SHARE:
@@ -134,12 +135,11 @@ def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Fin
                 "the servo as reference, or say reference='position'."
             )
             findings.append(Finding("reference", "warning", text))
-        if not later > STRONG_SHARE:
-            weak.append(rectifier_regressors(trial, use.delay, rate, name))
-    for record in weak:
-        finding = check_reference([record])
+        if later > STRONG_SHARE:
+            continue
+        finding = check_reference([rectifier_regressors(trial, use.delay, rate, name)])
         if finding.verdict == "warning" and len(trials) > 1:  # too short alone
-            records = [rectifier_regressors(trial, use.delay, rate, name) for trial in trials]
+            records = [rectifier_regressors(each, use.delay, rate, name) for each in trials]
             finding = check_reference(records)
         if finding.verdict == "refused":
             raise DataError(finding.text)

@@ -174,9 +174,8 @@ def _test_coherence(
     whole_position, whole_torque = _transform(projection.signals, length, bins)
     explained_position = whole_position - position
     explained_torque = whole_torque - torque
-    tiny = np.finfo(float).tiny
     power = np.sum(np.abs(position) ** 2, axis=0)
-    explained_power = np.maximum(np.sum(np.abs(explained_position) ** 2, axis=0), tiny)
+    explained_power = np.sum(np.abs(explained_position) ** 2, axis=0)
     joint = np.sum(explained_torque * explained_position.conj(), axis=0) / explained_power
     noise = torque - joint * position
     # The response of the joint is itself an estimate, which adds to the scatter of the cross spectrum.
@@ -187,8 +186,8 @@ def _test_coherence(
     p_value = float(special.chdtrc(2 * bins.size, statistic))
     # Velocity leads position by a quarter of a period; its product with the torque is power.
     cross = np.sum(position * noise.conj(), axis=0)
-    power_sign = np.real(1j * cross) / np.maximum(np.abs(cross), tiny)
-    work = float(-np.sum(squared * power_sign) / np.sum(squared))
+    power_sign = cross.imag / np.maximum(np.abs(cross), np.finfo(float).tiny)
+    work = float(np.sum(squared * power_sign) / np.sum(squared))
     return p_value, float(squared.mean()), work
 
 
@@ -198,10 +197,12 @@ def _transform(
     """Spectra of position and torque in segments of all records, shapes (segments, bins)."""
     long_enough = [record for record in records if len(record) >= length]
     position, torque = (
-        np.concatenate([segment_spectra(x[:, channel], length, length) for x in long_enough])
+        np.concatenate(
+            [segment_spectra(x[:, channel], length, length)[:, bins] for x in long_enough]
+        )
         for channel in (0, MOTION)
     )
-    return position[:, bins], torque[:, bins]
+    return position, torque
 
 
 def _bound_bias(projection: ReferenceProjection, length: int) -> tuple[float, float]:
@@ -289,8 +290,9 @@ def _describe_loop(test: FeedbackTest) -> str:
         text = f"{text}, but the torque does no work on the load"
     else:
         text = f"{text}, no more than chance"
-    limit = max(test.limit, SHOWN_BIAS)
-    confidence = f"{limit:.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
+    confidence = (
+        f"{max(test.limit, SHOWN_BIAS):.2g} % (99 % confidence; {LARGEST_BIAS:g} % would matter)"
+    )
     if test.loop == "open":
         return f"{text}. Whatever feedback there is biases K by least squares by less than {confidence}."
     return (

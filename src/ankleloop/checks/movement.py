@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import inf
 
 import numpy as np
 import xarray as xr
 
-from ankleloop.checks.channels import CHANNEL_UNITS
 from ankleloop.checks.findings import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
@@ -20,12 +19,12 @@ from ankleloop.signals.least_squares import solve_scaled
 from ankleloop.signals.responses import ReferenceProjection, project_on_reference, unseen_share
 from ankleloop.signals.spectra import coherence, segment_spectra
 from ankleloop.subspace.hankel import hankel_gram
+from ankleloop.trials.channels import VARIABLES
 from ankleloop.trials.trial import REQUIRED
 
 # rad and N·m: squares of anything beyond leave the range of numbers.
 SMALLEST_DEVIATION, LARGEST_DEVIATION = 1e-12, 1e12
 BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave
-BAND_SAMPLES = 200  # about, for that deviation; an odd number apart, which few frequencies divide
 LARGEST_POSITION = 1.0  # rad, standard deviation: no joint can move so far
 # N·m/rad, torque over position: from a finger to a leg that stands.
 SMALLEST_RATIO, LARGEST_RATIO = 0.1, 1e5
@@ -62,40 +61,31 @@ class MotionProducts:
     # Shape (3,): K, B and I of a model without a reflex by least squares.
     stiffness: np.ndarray
     explained: float  # share of the torque's variance that this model explains
-    deviations: tuple[float, float]  # standard deviations of position and torque
+
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """Standard deviations of position and torque."""
+        position, *_, torque = np.sqrt(self.products.diagonal() / self.grid.samples)
+        return position, torque
 
 
 @once
 def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
     """Products of a trial."""
-    signals, products, stiffness, explained = regress_torque(
-        [*trial.motion(grid), trial.channel("torque", grid)]
-    )
-    position, *_, torque = np.sqrt(products.diagonal() / grid.samples).tolist()
-    return MotionProducts(
-        grid=grid,
-        signals=signals,
-        products=products,
-        stiffness=stiffness,
-        explained=explained,
-        deviations=(position, torque),
-    )
+    return regress_torque([*trial.motion(grid), trial.channel("torque", grid)], grid)
 
 
-def regress_torque(
-    signals: Sequence[np.ndarray],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def regress_torque(signals: Sequence[np.ndarray], grid: Grid) -> MotionProducts:
     """Least squares of the last signal, the torque, on the others, which differ in unit; what is not shown is zero.
 
-    Shapes: signals (N,); returns the signals less their means (n + 1, N), their products (n + 1, n + 1), coefficients
-    (n,), and the share of the variance that they explain.
+    Shapes: signals (N,).
     """
     deviations = np.stack([signal - signal.mean() for signal in signals])
     products = deviations @ deviations.T
     right = products[:-1, -1]
-    coefficients = solve_scaled(products[:-1, :-1], right)
-    explained = float(right @ coefficients / products[-1, -1])
-    return deviations, products, coefficients, explained
+    stiffness = solve_scaled(products[:-1, :-1], right)
+    explained = (right @ stiffness) / products[-1, -1]
+    return MotionProducts(grid, deviations, products, stiffness, explained)
 
 
 def select_references(records: Sequence[Regressors]) -> list[np.ndarray]:
@@ -121,7 +111,7 @@ def regress_torque_by_reference(projection: ReferenceProjection) -> list[tuple[n
         instruments = motion - residuals[:, :MOTION]
         stiffness = solve_scaled(instruments.T @ motion, instruments.T @ torque)
         unexplained = np.var(torque - motion @ stiffness) / np.var(torque)
-        fits.append((stiffness, 1.0 - float(unexplained)))
+        fits.append((stiffness, 1.0 - unexplained))
     return fits
 
 
@@ -129,21 +119,20 @@ def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
     """Position and torque that can be computed with, and that lie within the band of the identification."""
     for name, deviation in zip(REQUIRED, motion.deviations, strict=True):
         if not SMALLEST_DEVIATION < deviation < LARGEST_DEVIATION:
-            unit = CHANNEL_UNITS[name]
+            unit = VARIABLES[name][0]
             text = (
                 f"the {name} has a standard deviation of {deviation:.3g} {unit}, and {SMALLEST_DEVIATION:g} … "
                 f"{LARGEST_DEVIATION:g} {unit} can be computed with: check its unit."
             )
             return Finding("scale", "refused", text)
-        x = trial.samples[name]
-        some = x[:: x.size // BAND_SAMPLES | 1]
-        if deviation < BAND_SHARE * sqrt(np.mean((some - x[0]) ** 2)):
+        if deviation < BAND_SHARE * np.std(trial.samples[name]):
             highest = PASSBAND * trial.rate / motion.grid.factor
             text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
             return Finding("scale", "refused", text)
     position, torque = motion.deviations
-    text = f"standard deviations of {position:.3g} rad and {torque:.3g} N·m."
-    return Finding("scale", "ok", text)
+    return Finding(
+        "scale", "ok", f"standard deviations of {position:.3g} rad and {torque:.3g} N·m."
+    )
 
 
 def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
@@ -153,11 +142,12 @@ def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
     text = f"standard deviations of {position:.3g} rad and {torque:.3g} N·m, {ratio:.3g} N·m/rad"
     if position <= LARGEST_POSITION and SMALLEST_RATIO < ratio < LARGEST_RATIO:
         return Finding("size", "ok", f"{text}.")
-    text = (
+    return Finding(
+        "size",
+        "refused",
         f"{text}, are not those of a joint: K, B, I and G are not either. Are position and torque exchanged, or in "
-        "other units than rad and N·m?"
+        "other units than rad and N·m?",
     )
-    return Finding("size", "refused", text)
 
 
 def turned_signs(trial: xr.Dataset) -> dict[str, int]:
@@ -173,15 +163,16 @@ def check_sign(stiffness: np.ndarray, explained: float, turned_sign: int = -1) -
 
     Shapes: stiffness (3,).
     """
-    values = dict(zip(STIFFNESS, stiffness.tolist(), strict=True))
+    values = dict(zip(STIFFNESS, stiffness, strict=True))
     numbers = [f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items()]
     text = f"a second-order model without reflex has {', '.join(numbers)}"
     if values["K"] < 0.0 and (values["I"] < 0.0 or explained > SIGN_SHARE):
-        text = (
+        return Finding(
+            "sign of the torque",
+            "refused",
             f"{text}: the torque has the other sign. Set torque_sign: {turned_sign} (turn round the torque, not the "
-            "position: the rectifier would see the wrong half)."
+            "position: the rectifier would see the wrong half).",
         )
-        return Finding("sign of the torque", "refused", text)
     return Finding("sign of the torque", "ok", f"{text}: the torque opposes stretch.")
 
 
@@ -202,7 +193,7 @@ def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     power = np.mean(np.abs(spectra) ** 2, axis=0)
     noise = power * (1.0 - coherence(spectra, torque_spectra))
     is_above = np.arange(power.size) * trial.rate / length > NOISE_BAND
-    share = float(np.sum(noise[is_above]) / np.sum(power))
+    share = np.sum(noise[is_above]) / np.sum(power)
     if share < NOISE_SHARE:
         return ok
     text = (
@@ -243,13 +234,14 @@ def check_relation(trial: PreparedTrial, motion: MotionProducts) -> Finding:
     """Torque that has something to do with the movement."""
     text = f"position, velocity and acceleration explain {100.0 * motion.explained:.2g} % of the torque"
     duration = trial.time.size / trial.rate
-    by_chance = float(np.clip(UNRELATED_DURATION / duration, *UNRELATED_LIMITS))
+    by_chance = np.clip(UNRELATED_DURATION / duration, *UNRELATED_LIMITS)
     if not motion.explained >= by_chance:
-        text = (
+        return Finding(
+            "relation",
+            "refused",
             f"{text}, as those of any other record would: K, B, I and G say nothing about the joint. Check the "
-            "channels and the perturbation."
+            "channels and the perturbation.",
         )
-        return Finding("relation", "refused", text)
     return Finding("relation", "ok", f"{text}.")
 
 
@@ -268,10 +260,11 @@ def check_excitation(velocities: Sequence[np.ndarray], order: int, block_rows: i
     columns = [velocity[:, None] for velocity in velocities]
     grams = [hankel_gram(column, rows, subtract_means=False) for column in columns]
     eigenvalues = np.linalg.eigvalsh(np.sum(grams, axis=0))
-    rank = int(np.count_nonzero(eigenvalues > EXCITED_SHARE * eigenvalues[-1]))
+    rank = np.count_nonzero(eigenvalues > EXCITED_SHARE * eigenvalues[-1])
     if rank >= attainable:
-        text = f"persistent for order {order} and {block_rows} block rows."
-        return Finding("excitation", "ok", text)
+        return Finding(
+            "excitation", "ok", f"persistent for order {order} and {block_rows} block rows."
+        )
     verdict = "refused" if rank < 2 * (order + 3) else "warning"
     text = (
         f"the movement excites {rank} of {attainable} directions that {block_rows} block rows and order {order} "
@@ -292,13 +285,14 @@ def check_reference(records: Sequence[Regressors]) -> Finding:
         return Finding("reference", "warning", text)
     text = f"{name} explains {100 * max(share, 0.0):.1f} % of the position in unseen halves"
     duration = sum(map(len, positions)) / rate
-    limit = float(np.clip(WEAK_DURATION / duration, *WEAK_LIMITS))
+    limit = np.clip(WEAK_DURATION / duration, *WEAK_LIMITS)
     if share < limit:
-        text = (
+        return Finding(
+            "reference",
+            "refused",
             f"{text}, and chance alone up to {100 * limit:.2g} % in {duration:.3g} s: it is too weak an instrument. "
-            "Is it the command of the servo? Give that as reference; reference='position' is for records in open loop."
+            "Is it the command of the servo? Give that as reference; reference='position' is for records in open loop.",
         )
-        return Finding("reference", "refused", text)
     return Finding("reference", "ok", f"{text}.")
 
 
@@ -321,7 +315,7 @@ def reference_correlations(
     position, *_, torque = motion.signals
     shifted = np.correlate(position, reference[lead : reference.size - lag], mode="valid")
     return (
-        float(np.max(shifted**2) / position_energy),
-        float((reference @ position) ** 2 / position_energy),
-        float((reference @ torque) ** 2 / torque_energy),
+        np.max(shifted**2) / position_energy,
+        (reference @ position) ** 2 / position_energy,
+        (reference @ torque) ** 2 / torque_energy,
     )

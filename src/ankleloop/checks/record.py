@@ -33,11 +33,15 @@ def check_length(trials: Sequence[xr.Dataset], identification_rate: float) -> Fi
     if total < SHORTEST_RECORD:
         return Finding("length", "refused", f"{text}: record at least {SHORTEST_RECORD:g} s.")
     if min(durations) < SHORTEST_TRIAL:
-        text = f"{text}: leave out trials of less than {SHORTEST_TRIAL:g} s."
-        return Finding("length", "refused", text)
+        return Finding(
+            "length", "refused", f"{text}: leave out trials of less than {SHORTEST_TRIAL:g} s."
+        )
     if total < SHORT_RECORD:
-        text = f"{text}: short for a reflex; {2 * SHORT_RECORD:g} s or more are usual."
-        return Finding("length", "warning", text)
+        return Finding(
+            "length",
+            "warning",
+            f"{text}: short for a reflex; {2 * SHORT_RECORD:g} s or more are usual.",
+        )
     return Finding("length", "ok", f"{text}; identified at {identification_rate:g} Hz.")
 
 
@@ -72,7 +76,7 @@ def check_coherence(record: Regressors) -> Finding:
     """Highest frequency at which position and torque are related."""
     spectra = estimate_spectra([record])
     frequency = spectra["frequency"]
-    highest = float(frequency[spectra["coherence"] >= COHERENT_LEVEL].max(initial=0.0))
+    highest = frequency[spectra["coherence"] >= COHERENT_LEVEL].max(initial=0.0)
     low = frequency < 1.0
     text = f"position and torque are coherent up to {highest:.3g} Hz"
     if low.any():
@@ -81,10 +85,11 @@ def check_coherence(record: Regressors) -> Finding:
     if highest >= COHERENT_WIDTH:
         return Finding("coherence", "ok", f"{text}.")
     verdict = "refused" if highest == 0.0 else "warning"
-    text = (
-        f"{text}: the torque has little to do with the movement. Check channels and perturbation."
+    return Finding(
+        "coherence",
+        verdict,
+        f"{text}: the torque has little to do with the movement. Check channels and perturbation.",
     )
-    return Finding("coherence", verdict, text)
 
 
 def check_drift(record: Regressors) -> Finding:
@@ -92,9 +97,12 @@ def check_drift(record: Regressors) -> Finding:
     torque = record.torque - record.torque.mean()
     power = np.abs(np.fft.rfft(torque)) ** 2
     slow = np.fft.rfftfreq(torque.size, 1.0 / record.rate) < DRIFT_FREQUENCY
-    share = float(power[slow].sum() / power.sum())
+    share = power[slow].sum() / power.sum()
     text = f"{100 * share:.1f} % of the torque's variance lie below {DRIFT_FREQUENCY:g} Hz"
     if share > DRIFT_SHARE:
-        text = f"{text}: remove it (drift, the degree of a polynomial), and look at its cause."
-        return Finding("drift", "warning", text)
+        return Finding(
+            "drift",
+            "warning",
+            f"{text}: remove it (drift, the degree of a polynomial), and look at its cause.",
+        )
     return Finding("drift", "ok", f"{text}.")

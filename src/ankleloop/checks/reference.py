@@ -48,8 +48,6 @@ def find_reference_faults(
     except DataError:  # of a very short trial the method says so itself
         return []
     exchange = check_exchange(trial, name, grid)
-    if reference is None and exchange.verdict == "ok":
-        return []
     filtered = check_filtered_torque(trial, name, grid)  # it can look early as well
     if filtered.verdict != "ok":
         return [] if reference is None else [filtered]
@@ -69,14 +67,15 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     Behind an actuator that is faster than the record shows (200 Hz and more) there is no lag, and nothing is said.
     """
     ok = Finding("reference", "ok", f"the position is not ahead of {name}.")
-    if grid.samples < 3:
-        return ok
     deviation = 1.0 / sqrt(grid.samples)
-    # As it was recorded the reference costs nothing, but its aliases can make a position look early.
-    recorded = trial.samples[name][grid.first :: grid.factor][: grid.samples]
-    if _correlate_rates(trial, recorded, grid) > -CHANCE_DEVIATIONS * deviation:
+    reference = trial.channel(name, grid)
+    rate = reference[2:] - reference[:-2]
+    acceleration = trial.motion(grid)[2][1:-1]
+    energy = (rate @ rate) * (acceleration @ acceleration)
+    # Positive where the position is the later one.
+    correlation = (rate @ acceleration) / sqrt(energy) if energy > 0.0 else 0.0
+    if correlation > -CHANCE_DEVIATIONS * deviation:
         return ok
-    correlation = _correlate_rates(trial, trial.channel(name, grid), grid)
     limit = max(AHEAD, CERTAIN_DEVIATIONS * deviation)
     if _explains_more_torque(trial, name, grid):
         limit = CHANCE_DEVIATIONS * deviation
@@ -90,22 +89,14 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     return Finding("reference", "warning", text)
 
 
-def _correlate_rates(trial: PreparedTrial, reference: np.ndarray, grid: Grid) -> float:
-    """Correlation of the rate of the reference with the acceleration; positive where the position is the later one."""
-    acceleration = trial.motion(grid)[2][1:-1]
-    rate = reference[2:] - reference[:-2]
-    energy = float(rate @ rate) * float(acceleration @ acceleration)
-    return float(rate @ acceleration) / sqrt(energy) if energy > 0.0 else 0.0
-
-
 def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
     """Whether the reference and its derivatives explain more of the torque than the position and its derivatives."""
     samples = trial.samples[name]
     derivatives = [
         decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)
     ]
-    *_, explained = regress_torque([*derivatives, trial.channel("torque", grid)])
-    return explained > motion_products(trial, grid).explained
+    by_reference = regress_torque([*derivatives, trial.channel("torque", grid)], grid)
+    return by_reference.explained > motion_products(trial, grid).explained
 
 
 @once
@@ -157,7 +148,7 @@ def _unexplained_share(
     middle = slice(first, first + samples)
     target = y[middle][lags : samples - leads]
     target = target - target.mean()
-    energy = float(target @ target)
+    energy = target @ target
     if not energy > 0.0:
         return 1.0
     lagged = lag_matrix(np.column_stack([signal[middle] for signal in signals]), leads, lags)
@@ -165,7 +156,7 @@ def _unexplained_share(
     products = lagged.T @ target
     power = np.repeat([np.var(signal) for signal in signals], taps)
     gram = lagged.T @ lagged + np.diag(FILTER_RIDGE * target.size * power)
-    return 1.0 - float(products @ solve_scaled(gram, products)) / energy
+    return 1.0 - (products @ solve_scaled(gram, products)) / energy
 
 
 def check_instrument(

@@ -16,7 +16,7 @@ from ankleloop.errors import DataError
 from ankleloop.trials.channels import CHANNELS
 from ankleloop.trials.contents import Variable
 from ankleloop.trials.reading_options import NO_REFERENCE
-from ankleloop.trials.reading_process import find_channels
+from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.units import find_position_unit
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -94,7 +94,7 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Record
 def _find_variables(path: Path, options: Recording) -> dict[str, Variable]:
     """Variables of a file by role; where their names leave a choice, an option decides."""
     try:
-        return find_channels(path, options.case, options.names)
+        return read_channels(path, options.case, "find", variables=options.names)
     except DataError as error:
         unknown = re.search(r"(?:may|would) be the (position|torque|reference)[:;]", str(error))
         if unknown is None:

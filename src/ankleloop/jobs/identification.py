@@ -31,7 +31,12 @@ Points = Mapping[str, Mapping[str, Any]]
 def read_trials(path: PathLike, conditions: Points) -> Trials:
     """Trials of a file, those of each condition from `first` to `stop` without it."""
     return load_rows(
-        path, {condition: (part["first"], part["stop"]) for condition, part in conditions.items()}
+        path,
+        [
+            (condition, number)
+            for condition, part in conditions.items()
+            for number in range(part["first"], part["stop"])
+        ],
     )
 
 
@@ -53,13 +58,12 @@ def identify_trials(
     its trials, and a method whose options are the same at several of them identifies a trial once. `files["estimates"]`
     is optional.
     """
-    estimates = (
-        EstimateTable(precision, Path(files["scores"]).parent) if "estimates" in files else None
-    )
+    folder = str(Path(files["scores"]).parent)
+    estimates = EstimateTable(precision, folder) if "estimates" in files else None
     types = {point_column(name): TYPES[kind] for name, kind in kinds.items()}
     tables, waiting = [], []
     for condition, number, trial in trials:
-        prepared = trial if isinstance(trial, str) else PreparedTrial(trial, validated=True)
+        prepared = trial if isinstance(trial, str) else PreparedTrial(trial)
         results: dict[
             tuple[str, str], tuple[Estimate | None, dict[str, Any]]
         ] = {}  # by method and its options
@@ -90,7 +94,8 @@ def identify_trials(
             waiting = []
         log.info("%s: identified trial %d", condition, number)
         if isinstance(prepared, PreparedTrial):
-            prepared.clear()
+            # Else trials would stay in memory until Python next searches for reference cycles.
+            prepared.computed.clear()
     table = pa.concat_tables([*tables, as_table(waiting, types)], promote_options="default")
     if estimates is not None:
         estimates.write(files["estimates"], overwrite=True)

@@ -125,6 +125,6 @@ def _choose_start(root: np.ndarray, target: np.ndarray, s: np.ndarray, order: in
     shapes = root * respond(starts, s)
     products = np.real(shapes.conj() @ target)
     energies = np.sum(np.abs(shapes) ** 2, axis=1)
-    best = int(np.argmax(products**2 / energies))
+    best = np.argmax(products**2 / energies)
     parameters = list(starts[best].values.values())
     return np.array([products[best] / energies[best], *np.log(parameters)])

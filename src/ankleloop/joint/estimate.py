@@ -15,7 +15,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.models import Model
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import MEASURED
+from ankleloop.joint.regressors import MEASURED, torque_dataset
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.vaf import vaf
 from ankleloop.subspace.matrices import Matrices
@@ -268,7 +268,7 @@ def with_measured(estimate: Estimate, trial: PreparedTrial) -> Estimate:
     """The estimate with the measured torque of a trial, less its mean, beside its own, at their times."""
     torque = estimate.torque
     rate = torque.attrs["identification_rate"]
-    values = trial.channel_at("torque", torque["time"].values, rate)
-    attributes = {"units": "N·m", "long_name": "measured torque"}
-    measured = ("time", values - values.mean(), attributes)
-    return replace(estimate, torque=torque.assign({MEASURED: measured}))
+    time = torque["time"].values
+    values = trial.channel_at("torque", time, rate)
+    measured = torque_dataset(time, rate, measured=values - values.mean())
+    return replace(estimate, torque=torque.assign(measured))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import pickle
 import weakref
 from collections.abc import Iterable, Mapping
@@ -22,6 +21,7 @@ from ankleloop.joint.regressors import MEASURED, TORQUES, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.options import check_flag, check_path, show_value
 from ankleloop.quantities import QUANTITIES
+from ankleloop.trials.contents import as_text
 from ankleloop.trials.files import PathLike, atomic_file, check_readable
 from ankleloop.trials.group_files import Fields, read_groups, write_groups
 from ankleloop.trials.reading_process import name_errors
@@ -53,9 +53,7 @@ ARRAY_KEY = "$array"
 COMPLEX_KEY = "$complex"
 
 
-def save_estimate(
-    estimate: Estimate, path: str | os.PathLike[str], *, overwrite: bool = False
-) -> None:
+def save_estimate(estimate: Estimate, path: PathLike, *, overwrite: bool = False) -> None:
     """Write an estimate and its model to a file, from which `load_estimate` reads the same estimate.
 
     docs/reference/estimates.md describes the file field by field, and how another program computes torques from it.
@@ -105,8 +103,8 @@ def save_estimate(
         groups["model"] = model_dataset(estimate.predictor)
     if estimate.trajectories is not None:
         groups["trajectories"] = estimate.trajectories
-    diagnostics = {DIAGNOSTICS_TEXT: dump_values(estimate.diagnostics)}
-    groups["diagnostics"] = xr.Dataset(attrs=diagnostics)
+    diagnostics = dump_values(estimate.diagnostics)
+    groups["diagnostics"] = xr.Dataset(attrs={DIAGNOSTICS_TEXT: diagnostics})
     write_groups(groups, path, MATLAB_VARIABLE, overwrite=overwrite)
 
 
@@ -114,14 +112,13 @@ def _parameter_dataset(values: Mapping[str, Any]) -> xr.Dataset:
     """Numbers, or pairs of numbers, with their units and names."""
     variables = {}
     for name, value in values.items():
-        variable = xr.Variable(("end",) if np.ndim(value) else (), np.array(value, float))
-        if name in QUANTITIES:
-            variable.attrs = {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].name}
-        variables[name] = variable
+        dimensions = ("end",) if np.ndim(value) else ()
+        attributes = {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].name}
+        variables[name] = (dimensions, np.array(value, float), attributes)
     return xr.Dataset(variables)
 
 
-def load_estimate(path: str | os.PathLike[str]) -> Estimate:
+def load_estimate(path: PathLike) -> Estimate:
     """Read the estimate that `save_estimate` wrote, with its model.
 
     Parameters
@@ -152,7 +149,7 @@ def load_estimate(path: str | os.PathLike[str]) -> Estimate:
         path, "estimate file", "restore it from a copy, or identify again and save it"
     ):
         file = groups[""]
-        if "format" not in file.values or file.text("format") != FORMAT:
+        if as_text(file.values.get("format")) != FORMAT:
             raise DataError(
                 f"{file.source}: no estimate file, which has the format {FORMAT!r}: write it by save_estimate."
             )
@@ -170,12 +167,7 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     time = torque.array("time")
     names = [*TORQUES, MEASURED] if MEASURED in torque.values else TORQUES
     torques = {name: torque.array(name, time.size, finite=False) for name in names}
-    predictor = None
-    if "model" in groups:
-        predictor = read_model(groups["model"])
-    trajectories = None
-    if "trajectories" in groups:
-        trajectories = read_trajectories(groups["trajectories"])
+    trajectories = groups.get("trajectories")
     return Estimate(
         method=groups[""].text("method"),
         torque=torque_dataset(time, torque.number("identification_rate"), **torques),
@@ -183,8 +175,8 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
         reflex=_read_numbers(groups["reflex"]),
         intervals=_read_intervals(groups.get("intervals", Fields("", {}))),
         diagnostics=load_values(groups["diagnostics"].text(DIAGNOSTICS_TEXT)),
-        predictor=predictor,
-        trajectories=trajectories,
+        predictor=read_model(groups["model"]) if "model" in groups else None,
+        trajectories=read_trajectories(trajectories) if trajectories else None,
     )
 
 
@@ -218,7 +210,7 @@ class EstimateTable:
     'pr-moesp'
     """
 
-    def __init__(self, precision: str = "double", folder: PathLike | None = None) -> None:
+    def __init__(self, precision: str = "double", folder: str | None = None) -> None:
         texts = ("point", "name", "method", "diagnostics", *GROUP_COLUMNS.values())
         columns = dict.fromkeys(texts, pa.string())
         columns["number"] = pa.int64()
@@ -227,8 +219,7 @@ class EstimateTable:
         columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(np.dtype(precision))))
         self._precision = precision
         self._schema = pa.schema(columns)
-        directory = None if folder is None else os.fspath(folder)
-        self._rows = SpooledTemporaryFile(TABLE_MEMORY, dir=directory)  # noqa: SIM115
+        self._rows = SpooledTemporaryFile(TABLE_MEMORY, dir=folder)  # noqa: SIM115
         weakref.finalize(self, self._rows.close)
         self._count = 0
 
@@ -249,9 +240,11 @@ class EstimateTable:
         groups = {group: getattr(estimate, group) for group in PARAMETER_GROUPS}
         if estimate.predictor is not None:
             groups["model"] = dump_model(estimate.predictor)
-        trajectories = estimate.trajectories
-        if trajectories is not None:
-            groups["trajectories"] = {**trajectories.variables, **trajectories.attrs}
+        if estimate.trajectories is not None:
+            groups["trajectories"] = {
+                **estimate.trajectories.variables,
+                **estimate.trajectories.attrs,
+            }
         for group, values in groups.items():
             row[GROUP_COLUMNS[group]] = dump_values(values)
         pickle.dump(row, self._rows, pickle.HIGHEST_PROTOCOL)

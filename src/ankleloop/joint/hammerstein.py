@@ -74,7 +74,7 @@ class ReflexPath:
                 return f"{text.format(share)} ({least:g} are needed)"
         if not self.basis.has_threshold:
             return None
-        above = float(np.mean(self.basis.quantiles > ramp.threshold))
+        above = np.mean(self.basis.quantiles > ramp.threshold)
         if above < LEAST_ABOVE_THRESHOLD:
             return f"the ramp begins at {ramp.threshold:.2g} rad/s, which only {100 * above:.0f} % of the record exceed"
         return None

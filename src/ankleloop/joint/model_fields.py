@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from functools import cache, partial
 from types import NoneType
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
@@ -13,8 +12,6 @@ import xarray as xr
 from ankleloop.trials.group_files import Fields
 
 Part = TypeVar("Part")
-# Types of the fields of a class, which Python keeps as texts.
-evaluate_types = cache(partial(get_type_hints, include_extras=True))
 
 
 class Stored(NamedTuple):
@@ -32,7 +29,7 @@ def as_variable(value: Any, dimensions: str | Sequence[str] = (), unit: str = ""
 
 def _list_fields(kind: type) -> Iterator[tuple[str, Any, Stored | None]]:
     """Name, type and declaration, None for a dataclass, of each field that is stored."""
-    for field, declared in evaluate_types(kind).items():
+    for field, declared in get_type_hints(kind, include_extras=True).items():
         if get_origin(declared) is Annotated:
             yield field, *get_args(declared)
         elif dataclasses.is_dataclass(declared):

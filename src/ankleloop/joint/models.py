@@ -236,8 +236,8 @@ class ResponseModel(JointModel):
         drive = regressors.inputs[:, -1]
         intrinsic = np.convolve(position - position.mean(), self.intrinsic)[leads:][rows]
         reflex = np.convolve(drive - drive.mean(), self.reflex)[rows]
-        torques = sum_paths(intrinsic, reflex)
-        return torque_dataset(regressors.time[rows], regressors.rate, **torques)
+        time = regressors.time[rows]
+        return torque_dataset(time, regressors.rate, **sum_paths(intrinsic, reflex))
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,14 +317,13 @@ class TimeVaryingModel(JointModel):
         (rectified,) = self.inputs.basis(trial.velocity(self.inputs.delay))
         drive = parameters["G"] * decimate(rectified, *grid)
         rate = self.inputs.identification_rate
-        size = int(next_fast_len(grid.samples + round(REFLEX_PADDING * rate), real=True))
+        size = next_fast_len(grid.samples + round(REFLEX_PADDING * rate), real=True)
         s = 2j * np.pi * np.fft.rfftfreq(size, 1.0 / rate)
         lag = np.exp(-s * self.torque_lag)
-        response = lag * self.dynamics.response(s)[0]
-        reflex = irfft(response * rfft(drive, size), size)[: grid.samples]
-        if self.torque_lag:
-            intrinsic = irfft(lag * rfft(intrinsic, size), size)[: grid.samples]
-        return torque_dataset(trial.grid_times(grid), rate, **sum_paths(intrinsic, reflex))
+        spectra = lag * rfft([intrinsic, drive], size)
+        spectra[1] *= self.dynamics.response(s)[0]
+        torques = irfft(spectra, size)[:, : grid.samples]
+        return torque_dataset(trial.grid_times(grid), rate, **sum_paths(*torques))
 
     def check_range(self, trial: PreparedTrial) -> list[str]:
         """Warning about values of the scheduling variable, or times, for which the splines were not fitted."""
@@ -332,7 +331,7 @@ class TimeVaryingModel(JointModel):
             return []
         grid = trial.grid(self.inputs.identification_rate, self.inputs.delay)
         place = self._compute_place(trial, grid)
-        outside = float(np.mean((place < 0) | (place > 1)))
+        outside = np.mean((place < 0) | (place > 1))
         if outside <= LARGEST_SHARE_OUTSIDE:
             return []
         name = self.variable or "the time"
@@ -396,7 +395,7 @@ def simulate_torques(
     motion, drive = regressors.centred
     intrinsic = _simulate_columns(model, slice(MOTION), motion, None)
     reflex = _simulate_columns(model, slice(MOTION, None), drive, initial_state)
-    if not (np.isfinite(intrinsic).all() and np.isfinite(reflex).all()):
+    if not np.isfinite([intrinsic, reflex]).all():
         raise DataError(
             "the estimated torques are not finite: the model does not suit the record; lower its order."
         )

@@ -54,24 +54,12 @@ def _protect(value: Any) -> None:
         _protect([*vars(value).values()])
 
 
-def _protect_samples(trial: xr.Dataset) -> xr.Dataset:
-    """A trial of the same samples, through which they cannot be edited."""
-    protected = trial.copy(deep=False)
-    for variable in protected.variables.values():
-        if not isinstance(variable, xr.IndexVariable):
-            samples = variable.values.view()
-            samples.flags.writeable = False
-            variable.data = samples
-    return protected
-
-
 class PreparedTrial:
     """A valid trial that computes each derivative, decimated channel and regressor once.
 
     Methods and scores take it in the place of a trial; they share what one of them has computed. So nothing of it can
     be edited: arrays of `trial`, and those that it computes, raise ValueError when they are written to. Its samples are
     those of the data set that was given, not a copy: to change them, change a copy of that and prepare it anew.
-    `validated` says that `ankleloop.trials.trial.validate` has accepted it already.
 
     >>> from ankleloop.simulation.simulate import simulate
     >>> trial = PreparedTrial(simulate(seed=1, duration=5.0))
@@ -83,24 +71,22 @@ class PreparedTrial:
     ValueError: assignment destination is read-only
     """
 
-    def __init__(self, trial: xr.Dataset, *, validated: bool = False) -> None:
-        self.trial = _protect_samples(trial if validated else validate(trial))
+    def __init__(self, trial: xr.Dataset) -> None:
+        self.trial = validate(trial).copy(deep=False)
+        for variable in self.trial.variables.values():
+            if not isinstance(variable, xr.IndexVariable):
+                samples = variable.values.view()
+                samples.flags.writeable = False
+                variable.data = samples
         self.rate = float(self.trial.attrs["sampling_rate"])
         # As recorded, by name, shape (samples,).
         self.samples = {
             str(name): variable.values for name, variable in self.trial.variables.items()
         }
         self.time = self.samples["time"]  # of every sample [s], shape (samples,)
-        # Values by what they were computed of.
+        # Values by what they were computed of. Some of them refer to the trial: until they are cleared it stays in
+        # memory, until Python next searches for reference cycles.
         self.computed: dict[Hashable, Any] = {}
-
-    def clear(self) -> None:
-        """Free all computed values.
-
-        Some of them refer to the trial: without this it would stay in memory until Python next searches for reference
-        cycles, which may be after thousands of trials.
-        """
-        self.computed.clear()
 
     def check_variable(
         self, name: str, use: str = "to serve as reference", remedy: str = NO_REFERENCE
@@ -129,7 +115,7 @@ class PreparedTrial:
         Shapes: time (N,); returns (N,).
         """
         factor = decimation_factor(self.rate, identification_rate)
-        first = round((float(time[0]) - float(self.time[0])) * self.rate)
+        first = round((time[0] - self.time[0]) * self.rate)
         return self.channel(name, Grid(factor, first, time.size))
 
     @once

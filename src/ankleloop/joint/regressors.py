@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import ceil
 from typing import Literal, NamedTuple
 
@@ -37,13 +37,12 @@ class Grid(NamedTuple):
     samples: int
 
 
-@lru_cache(maxsize=64)
 def decimation_grid(samples: int, rate: float, identification_rate: float, delay: float) -> Grid:
     """Grid of all decimated samples that no filter edge touches."""
     factor = decimation_factor(rate, identification_rate)
     margin = decimation_margin(factor)
     before, after = differentiation_margin(rate, delay)
-    first = factor * ceil((margin + max(before, 0)) / factor)
+    first = factor * ceil((margin + before) / factor)
     last = samples - 1 - margin - max(after, 0)
     count = (last - first) // factor + 1
     if count < 2:
@@ -108,5 +107,5 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
         origin = "" if name == MEASURED else "estimated "
         attributes = {"units": "N·m", "long_name": f"{origin}{name} torque"}
         variables[name] = ("time", values, attributes)
-    coordinate = ("time", np.asarray(time, dtype=float), {"units": "s", "long_name": "time"})
-    return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": float(rate)})
+    coordinate = ("time", time, {"units": "s", "long_name": "time"})
+    return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": rate})

@@ -36,6 +36,7 @@ COORDINATES = {
     "time": ("s", "time from the first sample"),
     "schedule": ("", "scheduling variable"),
 }
+SCHEDULE_TEXTS = ("variable", "variable_unit")
 TRAJECTORIES = ("K", "B", "G", "I")  # I where it varies
 # Names of a trajectory and of the ends of its band, by what follows the symbol of the parameter.
 ENDS = {
@@ -72,13 +73,10 @@ class Course:
     @cached_property
     def equal_cycles(self) -> int:
         """Samples of each cycle where all have the same number and phases, else 0."""
-        if not self.periodic:
-            return 0
         sizes = np.bincount(self.segment)
         first_phases = self.place[self.rows][:: sizes[0]]
-        if np.ptp(sizes) > 0 or np.ptp(first_phases) > SAME_PHASE:
-            return 0
-        return int(sizes[0])
+        same_phases = np.ptp(sizes) == 0 and np.ptp(first_phases) <= SAME_PHASE
+        return int(sizes[0]) if self.periodic and same_phases else 0
 
 
 def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarray:
@@ -93,14 +91,23 @@ def find_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndarr
         )
     durations = np.diff(values)
     if not (durations > 0).all():
-        k = int(np.argmin(durations > 0)) + 1
+        k = np.argmin(durations > 0) + 1
         raise DataError(
             f"onset {k + 1} of {values.size} ({values[k]:g} s) is not after the one before: sort them, and leave out "
             "those that are there twice or are no times."
         )
-    cycle = float(np.median(durations))
-    _check_onset_times(values, cycle, *trial.time[[0, -1]].tolist())
-    k = int(np.argmax(np.abs(np.log(durations / cycle))))
+    cycle = np.median(durations)
+    first = trial.time[0]
+    last = trial.time[-1]
+    is_beyond = values[0] < first - 1.5 * cycle or values[-1] > last + 1.5 * cycle
+    is_missing = values[0] > first + 2.5 * cycle or values[-1] < last - 2.5 * cycle
+    # Onsets of a whole trial cover its segments.
+    if (is_beyond and is_missing) or cycle > last - first:
+        raise DataError(
+            f"the onsets go from {values[0]:g} to {values[-1]:g} s, the record from {first:g} to {last:g} s: "
+            "give them in seconds of the record, not milliseconds or samples; a segment keeps the times of its trial."
+        )
+    k = np.argmax(np.abs(np.log(durations / cycle)))
     if not cycle / LARGEST_CYCLE_RATIO <= durations[k] <= cycle * LARGEST_CYCLE_RATIO:
         raise DataError(
             f"the cycle that begins at {values[k]:g} s lasts {durations[k]:.3g} s, and the median one {cycle:.3g} s: "
@@ -128,18 +135,6 @@ def _read_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndar
     return trial.time[starts] - phase[starts] / slope
 
 
-def _check_onset_times(onsets: np.ndarray, cycle: float, first: float, last: float) -> None:
-    """Refuse onsets that are not those of a record, from its first to its last time [s]."""
-    beyond = onsets[0] < first - 1.5 * cycle or onsets[-1] > last + 1.5 * cycle
-    missing = onsets[0] > first + 2.5 * cycle or onsets[-1] < last - 2.5 * cycle
-    # Onsets of a whole trial cover its segments.
-    if (beyond and missing) or cycle > last - first:
-        raise DataError(
-            f"the onsets go from {onsets[0]:g} to {onsets[-1]:g} s, the record from {first:g} to {last:g} s: "
-            "give them in seconds of the record, not milliseconds or samples; a segment keeps the times of its trial."
-        )
-
-
 def make_course(
     trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] | None, schedule: str | None
 ) -> Course:
@@ -157,7 +152,7 @@ def make_course(
     number = np.arange(segments * length)
     rows = slice(margin, margin + number.size)
     if schedule is None:
-        low, high = values[[rows.start, rows.stop - 1]].tolist()
+        low, high = values[[rows.start, rows.stop - 1]]
     else:
         low, high = _schedule_limits(trial, grid, schedule, rows)
     return Course(
@@ -185,7 +180,7 @@ def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cour
             f"too few whole cycles lie more than {RECORD_MARGIN:g} s within the record: {max(edges.size - 1, 0)} with "
             f"onsets from {onsets[0]:g} to {onsets[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles."
         )
-    start, stop = np.searchsorted(time, edges[[0, -1]] - half).tolist()
+    start, stop = np.searchsorted(time, edges[[0, -1]] - half)
     cycle = np.searchsorted(edges, time[start:stop] + half, side="right") - 1
     return Course(
         dimension="phase",
@@ -212,7 +207,7 @@ def cycle_place(time: np.ndarray, onsets: np.ndarray, half: float) -> np.ndarray
 def course_values(trial: PreparedTrial, grid: Grid, schedule: str | None) -> np.ndarray:
     """Scheduling variable at the decimated samples, or, without one, their time from the first sample [s]."""
     if schedule is None:
-        return trial.grid_times(grid) - float(trial.time[0])
+        return trial.grid_times(grid) - trial.time[0]
     trial.check_variable(schedule, "for schedule", NO_VARIABLE)
     return trial.channel(schedule, grid)
 
@@ -225,8 +220,7 @@ def _schedule_limits(
     Second differences leave movements of a second or longer out.
     """
     values = trial.channel(name, grid)
-    quantiles = [SHARE_BEYOND_RANGE, 1.0 - SHARE_BEYOND_RANGE]
-    low, high = np.quantile(values[rows], quantiles).tolist()
+    low, high = np.quantile(values[rows], [SHARE_BEYOND_RANGE, 1.0 - SHARE_BEYOND_RANGE])
     if not high - low > 1e-9 * max(abs(low), abs(high)):
         raise DataError(
             f"{name} does not vary between its 2nd and 98th percentile: a scheduling variable has to. Name another "
@@ -277,14 +271,10 @@ def read_trajectories(fields: Fields) -> xr.Dataset:
     """Trajectories whose values a file holds."""
     dimension = next((name for name in COORDINATES if name in fields.values), "time")
     coordinate = fields.array(dimension)
-    values = {}
-    for name in TRAJECTORIES:
-        if name == "I" and name not in fields.values:
-            continue
-        for end in ENDS:
-            values[name + end] = fields.array(name + end, coordinate.size, finite=False)
-    schedule = {
-        name: fields.text(name) for name in ("variable", "variable_unit") if name in fields.values
+    schedule = {name: fields.text(name) for name in SCHEDULE_TEXTS if name in fields.values}
+    values = {
+        name: fields.array(name, coordinate.size, finite=False)
+        for name in fields.values.keys() - {dimension, *SCHEDULE_TEXTS}
     }
     return trajectory_dataset(dimension, coordinate, values, **schedule)
 

@@ -30,8 +30,8 @@ class Hdf5Contents(Contents):
     refused: HDF5 puts zeros where such a file is missing.
     """
 
-    def __init__(self, path: Path, case: int | None = None) -> None:
-        super().__init__(path, case)
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
         self.separator = "." if path.name.lower().endswith(".mat") else "/"
         self._file = h5py.File(path, "r")
 
@@ -80,8 +80,8 @@ class MatContents(Contents):
 
     separator = "."
 
-    def __init__(self, path: Path, case: int | None = None) -> None:
-        super().__init__(path, case)
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
         _check_end(path)
         for name, shape, kind in scipy.io.whosmat(path, False):
             if kind == "struct":
@@ -131,13 +131,13 @@ def _flatten_struct(
 class ClassicNetcdfContents(Contents):
     """Variables of a classic NetCDF file, which has no groups."""
 
-    def __init__(self, path: Path, case: int | None = None) -> None:
-        super().__init__(path, case)
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
         self._file = scipy.io.netcdf_file(path, "r", mmap=True, maskandscale=False)
         for name, node in self._file.variables.items():
             samples = node.data
-            read = partial(samples.__getitem__, ...)
-            self.variables.append(Variable(name, samples.shape, read, node._attributes))
+            variable = Variable(name, samples.shape, samples.view, node._attributes)
+            self.variables.append(variable)
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, or of the file, whose name is empty."""
@@ -166,8 +166,8 @@ class FlbContents(Contents):
 
     def __init__(self, path: Path, case: int | None = None) -> None:
         super().__init__(path)
-        cases: list[FlbCase] = []
         content = np.memmap(path, "u1", "r")
+        cases: list[FlbCase] = []
         with open(path, "rb") as file:
             while not cases or content.size - file.tell() >= 4:
                 cases.append(_read_case(file, content, len(cases) + 1))
@@ -193,10 +193,12 @@ def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> FlbCase:
     """Read the next case, and go to its end."""
 
     def read(kind: str, count: int = 1) -> np.ndarray:
-        length = np.dtype(kind).itemsize * count
-        if not 0 <= length <= content.size - file.tell():
+        start = file.tell()
+        end = start + np.dtype(kind).itemsize * count
+        if not start <= end <= content.size:
             raise UnreadableError(f"case {number} is cut off")
-        return np.frombuffer(file.read(length), kind)
+        file.seek(end)
+        return content[start:end].view(kind)
 
     def read_text() -> str:
         length = int(read("<i4")[0])
@@ -220,16 +222,13 @@ def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> FlbCase:
         raise UnreadableError(f"case {number} has no samples, or no sampling interval")
     if realizations > 1:
         names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
-    start = file.tell()
-    end = file.seek(start + length * len(names) * np.dtype(FLB_TYPES[kind]).itemsize)
-    if end > content.size:
-        raise UnreadableError(f"case {number} is cut off")
-    samples = content[start:end].view(FLB_TYPES[kind]).reshape(len(names), length)
+    samples = read(FLB_TYPES[kind], length * len(names)).reshape(len(names), length)
     variables = []
     for row, name in enumerate(names):
-        low, high = ranges[:, row % channels]
-        scale = {"scale_factor": (high - low) / FLB_LEVELS, "add_offset": low}
-        attributes = scale if kind == -2 else {}
+        attributes = {}
+        if kind == -2:
+            low, high = ranges[:, row % channels]
+            attributes = {"scale_factor": (high - low) / FLB_LEVELS, "add_offset": low}
         variables.append(Variable(name, (length,), samples[row].view, attributes))
     rate = _rate_of(interval)
     duration = length / rate

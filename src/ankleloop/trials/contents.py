@@ -76,12 +76,10 @@ class Contents:
     separator = "/"  # joins the names of groups or structs
     kind = "variables"  # what a table or a sequence of cases calls them
 
-    def __init__(self, path: Path, case: int | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
         self.variables: list[Variable] = []
         self.warnings: list[str] = []  # for who reads the file
-        if case is not None:
-            raise DataError(f"{path.name}: case chooses a trial of an .flb file: leave it out.")
 
     def find(self, name: str) -> Variable | None:
         """Variable of a full name; None if there is none."""

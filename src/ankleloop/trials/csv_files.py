@@ -30,8 +30,8 @@ class CsvContents(Contents):
 
     kind = "columns"
 
-    def __init__(self, path: Path, case: int | None = None) -> None:
-        super().__init__(path, case)
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
         self._header: list[str] = []
         self._header_line = 0
         self._rows = 0
@@ -45,7 +45,7 @@ class CsvContents(Contents):
         """Numbers of a column, or objects where some are text."""
         frame = pd.read_csv(
             self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest_row),
-            index_col=False, skipinitialspace=True, skip_blank_lines=True,
+            index_col=False, skipinitialspace=True,
         )  # fmt: skip
         self._check_last_cell(column)
         return frame[column].to_numpy()

@@ -37,7 +37,7 @@ class Fields:
 
     def number(self, name: str) -> float:
         """A single number."""
-        return float(self.array(name, 1)[0])
+        return self.array(name, 1).item()
 
     def text(self, name: str) -> str:
         """A text."""
@@ -57,8 +57,7 @@ def write_groups(
 
     structs = {group: _as_struct(data) for group, data in groups.items()}
     struct = structs.pop("", {})
-    for group, fields in structs.items():
-        struct[group] = fields or np.empty((0, 0))
+    struct |= {group: fields or np.empty((0, 0)) for group, fields in structs.items()}
     with atomic_file(path, overwrite=overwrite) as partial:
         savemat(
             partial,

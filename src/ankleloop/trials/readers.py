@@ -82,7 +82,11 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     ([-0.0, 1.0, 2.0], 100.0, 'trial.csv')
     """
     path = check_path("read_trial", "path", path)
-    options = parse_options("read_trial", path.name, mapping)
+    ReadingOptions.check_names("read_trial", mapping)
+    try:
+        options = ReadingOptions.parse(path.name, **mapping)
+    except ValueError as error:
+        raise DataError(str(error)) from None
     variables = read_channels(
         path, options.case, variables=options.names, rate=options.sampling_rate
     )
@@ -106,15 +110,6 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     for name in options.further:
         trial[name].attrs["units"] = variables[name].unit
     return trial
-
-
-def parse_options(owner: str, source: str, values: Mapping[str, Any]) -> ReadingOptions:
-    """Check the options of reading."""
-    ReadingOptions.check_names(owner, values)
-    try:
-        return ReadingOptions.parse(source, **values)
-    except ValueError as error:
-        raise DataError(str(error)) from None
 
 
 def _choose_rate(variables: Mapping[str, Variable], stated: float | None, *, source: str) -> float:

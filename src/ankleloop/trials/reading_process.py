@@ -19,7 +19,7 @@ import subprocess
 import sys
 import threading
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Connection, Pipe
@@ -56,22 +56,13 @@ ENDS = {
 }
 
 
-def find_channels(
-    path: PathLike, case: int | None, names: Mapping[str, str | None]
-) -> dict[str, Variable]:
-    """Find the variables of a trial in a file of any size by role, without their samples.
-
-    `names` are those in the file by role, None where they are to be found, as `channels.find_names` does.
-    """
-    return read_channels(path, case, "find", variables=names)
-
-
 def read_channels(
     path: PathLike, case: int | None, task: str = "read", **wanted: Any
 ) -> dict[str, Variable]:
     """Read the variables of a trial from a file by role, with its times and its sampling rates.
 
-    `wanted` is what `channels.read_channels` takes beside the open file.
+    `wanted` is what `channels.read_channels` takes beside the open file. The task "find" finds the variables in a file
+    of any size, without their samples: `wanted` is what `channels.find_channels` takes.
     """
     path = check_readable(path)
     suffix = find_suffix(path)
@@ -231,9 +222,7 @@ def _exchange(
 def _try(contents: Contents) -> tuple[()]:
     """Read everything, and give nothing."""
     for name in contents.names():
-        variable = contents.find(name)
-        if variable is not None:
-            variable.read()
+        contents.require(name).read()
     return ()
 
 
@@ -258,10 +247,10 @@ def _answer(pipe: Connection, request: dict[str, Any]) -> dict[str, Any]:
     path = Path(request["path"])
     memory = request["memory"]
     try:
-        container = choose_container(path)  # a library is imported without limits
+        container = choose_container(path, request["case"])  # a library is imported without limits
         _limit(request["seconds"], memory)
         has_checksum(path)
-        contents = container(path, request["case"])
+        contents = container(path)
         task = TASKS[request["task"]]
         for role, variable, numbers in task(contents, **request["wanted"]):
             description = [role, variable.name, variable.unit, numbers.shape]
@@ -278,9 +267,11 @@ def _answer(pipe: Connection, request: dict[str, Any]) -> dict[str, Any]:
         _limit(0.0, memory)
 
 
-def choose_container(path: Path) -> type[Contents]:
+def choose_container(path: Path, case: int | None) -> Callable[[Path], Contents]:
     """Class that opens a file; its module imports the libraries of the format."""
     suffix = str(find_suffix(path))
+    if case is not None and suffix != ".flb":
+        raise DataError(f"{path.name}: case chooses a trial of an .flb file: leave it out.")
     if suffix in (".csv", ".csv.gz"):
         from ankleloop.trials.csv_files import CsvContents
 
@@ -296,7 +287,9 @@ def choose_container(path: Path) -> type[Contents]:
         start = file.read(MATLAB_HEADER + len(HDF5_SIGNATURE))
     if HDF5_SIGNATURE in (start[: len(HDF5_SIGNATURE)], start[MATLAB_HEADER:]):
         return Hdf5Contents
-    containers = {".flb": FlbContents, ".mat": MatContents, ".nc": ClassicNetcdfContents}
+    if suffix == ".flb":
+        return partial(FlbContents, case=case)
+    containers = {".mat": MatContents, ".nc": ClassicNetcdfContents}
     return containers.get(suffix, Hdf5Contents)
 
 

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from pathlib import Path
 
 import h5py
-import numpy as np
 import pandas as pd
 import scipy.io
 import xarray as xr
 
+from ankleloop.trials.channels import CHANNELS, VARIABLES
 from ankleloop.trials.files import PathLike, atomic_file
 
-UNITS = {"position": "rad", "reference": "rad", "torque": "N·m"}
 FILE_FORMATS = {"csv": ".csv", "matlab-5": ".mat", "hdf5": ".h5"}  # and their suffixes
 
 
@@ -22,7 +19,7 @@ def write_recording(
     trial: xr.Dataset, path: PathLike, file_format: str, *, overwrite: bool = False
 ) -> None:
     """Write position, torque and reference of a trial as a recording, without the true torques of a simulation."""
-    channels = {name: trial[name].values for name in UNITS if name in trial}
+    channels = {name: trial[name].values for name in CHANNELS if name in trial}
     rate = float(trial.attrs["sampling_rate"])
     with atomic_file(path, overwrite=overwrite) as partial:
         if file_format == "csv":
@@ -40,13 +37,10 @@ def write_recording(
                 partial, variables, appendmat=False, do_compression=True, oned_as="column"
             )
         else:
-            _write_hdf5(channels, rate, partial)
-
-
-def _write_hdf5(channels: Mapping[str, np.ndarray], rate: float, path: Path) -> None:
-    """Write channels with their units and checksums."""
-    with h5py.File(path, "w") as file:
-        file.attrs["sampling_rate"] = rate
-        for name, values in channels.items():
-            data = file.create_dataset(name, data=values, compression="gzip", fletcher32=True)
-            data.attrs["units"] = UNITS[name]
+            with h5py.File(partial, "w") as file:
+                file.attrs["sampling_rate"] = rate
+                for name, values in channels.items():
+                    data = file.create_dataset(
+                        name, data=values, compression="gzip", fletcher32=True
+                    )
+                    data.attrs["units"] = VARIABLES[name][0]

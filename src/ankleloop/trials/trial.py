@@ -168,9 +168,9 @@ def as_samples(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
     Shapes: values (N,); returns (N,).
     """
     try:
-        array = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
+        array: np.ndarray = np.ma.asarray(values)
     except (TypeError, ValueError):  # lists of different lengths
-        array = np.array(None)
+        array = np.ma.array(None)
     if array.dtype.kind not in "iuf":
         raise DataError(
             f"{source}: {name} is of type {array.dtype}, not real numbers: convert it, or choose another."
@@ -277,16 +277,13 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     neighbours at 1 kHz would turn a noise of 0.02 rad into 20 rad/s and more.
     """
     half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
-    end = position.size - half
     with np.errstate(over="ignore", invalid="ignore"):  # of what is refused
         if half == 0:  # two samples
-            return 1, float(abs(position[1] - position[0])) * rate
-        change = np.zeros(end - half)
-        for lag in range(1, half + 1):
-            change += position[half + lag : end + lag] - position[half - lag : end - lag]
+            return 1, abs(position[1] - position[0]) * rate
+        change = np.correlate(position, np.sign(np.arange(-half, half + 1.0)))
         sample = int(np.argmax(np.abs(change)))
         # The means lie half + 1 samples apart, and each is a sum over half samples.
-        speed = float(abs(change[sample])) * rate / (half * (half + 1))
+        speed = abs(change[sample]) * rate / (half * (half + 1))
     return half + sample, speed
 
 

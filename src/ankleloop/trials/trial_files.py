@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,9 +15,6 @@ from ankleloop.options import as_plain, check_flag, check_path
 from ankleloop.trials.files import PathLike, atomic_netcdf, write_netcdf
 from ankleloop.trials.reading_process import readable_file
 from ankleloop.trials.trial import validate
-
-if TYPE_CHECKING:
-    import h5netcdf
 
 INDEX = "index"  # variable with point and number of each trial, and its attributes or why it is missing, as JSON
 # Point and number of each; a text says why there is no trial.
@@ -115,25 +112,20 @@ def save_trials(
             rows.append(json.dumps([point, number, content]))
             if isinstance(trial, str):
                 continue
-            if "time" not in file.variables:
-                _create_variables(file, trial, np.dtype(precision))
+            if (
+                "time" not in file.variables
+            ):  # the variables of all trials are those of the first one
+                size = trial.sizes["time"]
+                file.dimensions["time"] = size
+                file.create_variable("time", ("time",), data=trial["time"].values)
+                for name in trial.data_vars:
+                    file.create_variable(name, ("trial", "time"), precision, chunks=(1, size))
+                for name in trial.variables:
+                    file[name].attrs.update(trial[name].attrs)
             for name, variable in trial.data_vars.items():
                 if variable.values.any():  # what is not written is zero
                     file[name][row] = variable.values.astype(precision)
-        texts = file.create_variable(INDEX, ("trial",), h5py.string_dtype())
-        texts[:] = np.array(rows, dtype=object)
-
-
-def _create_variables(file: h5netcdf.File, trial: xr.Dataset, dtype: np.dtype[Any]) -> None:
-    """Create the variables of all trials, which are those of the first one."""
-    size = trial.sizes["time"]
-    file.dimensions["time"] = size
-    times = file.create_variable("time", ("time",), float)
-    times[:] = trial["time"].values
-    for name in trial.data_vars:
-        file.create_variable(name, ("trial", "time"), dtype, chunks=(1, size))
-    for name, variable in trial.variables.items():
-        file[name].attrs.update(variable.attrs)
+        file.create_variable(INDEX, ("trial",), h5py.string_dtype(), np.array(rows, dtype=object))
 
 
 def load_trials(path: PathLike) -> Iterator[xr.Dataset]:
@@ -141,17 +133,10 @@ def load_trials(path: PathLike) -> Iterator[xr.Dataset]:
     yield from (trial for _, _, trial in load_rows(path) if not isinstance(trial, str))
 
 
-def load_rows(path: PathLike, trials: Mapping[str, Sequence[int]] | None = None) -> Trials:
-    """Read all trials of a file, or some: the first number at each point, and the one before which they end."""
+def load_rows(path: PathLike, index: Sequence[tuple[str, int]] | None = None) -> Trials:
+    """Read all trials of a file, or those of some points and numbers."""
     with _open(path) as (rows, read):
-        wanted: Iterable[tuple[str, int]] = rows
-        if trials is not None:
-            wanted = [
-                (point, number)
-                for point, (first, stop) in trials.items()
-                for number in range(first, stop)
-            ]
-        for point, number in wanted:
+        for point, number in rows if index is None else index:
             if (point, number) not in rows:
                 raise DataError(
                     f"{path} has no trial {number} of the point {point!r}: delete the file, and simulate again."

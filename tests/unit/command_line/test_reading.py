@@ -9,7 +9,7 @@ from ankleloop.command_line.reading import map_file
 from ankleloop.config.recording_settings import read_recordings
 from ankleloop.recordings.files import load_recording
 from ankleloop.trials.reading_options import NO_REFERENCE, ReadingOptions
-from ankleloop.trials.reading_process import find_channels
+from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
 WAVE = np.sin(np.arange(300) / 20)
@@ -165,7 +165,7 @@ def test_variables_of_every_format(tmp_path, trial, kind):
     path = tmp_path / f"a{FILE_FORMATS[kind]}"
     write_recording(trial, path, kind)
     recording = map_file(path)
-    found = find_channels(path, None, ReadingOptions().names)
+    found = read_channels(path, None, "find", variables=ReadingOptions().names)
     assert {channel: variable.name for channel, variable in found.items()} == recording.channels
     assert all(variable.read().size == 0 for variable in found.values())
     recorded = read_trial(path, **recording.model_dump(include=set(ReadingOptions.model_fields)))

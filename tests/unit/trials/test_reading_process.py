@@ -57,11 +57,11 @@ def replace_reader(monkeypatch):
             from ankleloop.trials import reading_process
             from ankleloop.trials.binary_files import MatContents
             class Reader(MatContents):
-                def __init__(self, path, case=None):
+                def __init__(self, path):
                     if path.name == "a.mat":
                         {statement}
                     super().__init__(path)
-            reading_process.choose_container = lambda path: Reader
+            reading_process.choose_container = lambda path, case: Reader
             reading_process.main()
         """
         monkeypatch.setattr(reading_process, "PROGRAM", textwrap.dedent(program))
@@ -167,7 +167,7 @@ def test_the_process_ends_with_its_program(tmp_path):
     good = write_mat(tmp_path / "a.mat")
     script = f"""
         from ankleloop.trials import reading_process
-        reading_process.find_channels({str(good)!r}, None, {{"torque": None}})
+        reading_process.read_channels({str(good)!r}, None, "find", variables={{"torque": None}})
         print(reading_process._reader[0].pid)
     """
     command = [sys.executable, "-W", "error", "-c", textwrap.dedent(script)]

@@ -29,7 +29,9 @@ def test_trials_of_several_points_in_one_file(tmp_path):
     trials, index = make_trials(4), [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
     save_trials(trials, tmp_path / "trials.nc", index)
     assert [row[:2] for row in load_rows(tmp_path / "trials.nc")] == index
-    assert [row[:2] for row in load_rows(tmp_path / "trials.nc", {"b": (0, 2), "a": (1, 2)})] == [
+    assert [
+        row[:2] for row in load_rows(tmp_path / "trials.nc", [("b", 0), ("b", 1), ("a", 1)])
+    ] == [
         *index[2:],
         index[1],
     ]
