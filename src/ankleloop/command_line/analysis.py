@@ -10,6 +10,7 @@ from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
 import click
+import numpy as np
 import pandas as pd
 from pydantic.fields import FieldInfo
 
@@ -126,33 +127,63 @@ def show_results(table: pd.DataFrame, folder: Path) -> None:
     valid = table[table["valid"]]
     name = first["recording"]
     echo(f"\n{click.style(name, bold=True)}")
-    echo(
-        f"{click.style(first['verdict'], fg=COLOURS[first['verdict']])}: {first['recommendation']}"
-    )
+    echo(f"{_style_verdict(first)}: {first['recommendation']}")
     if first["verdict"] == "refused":
         echo(first["reasons"])
     if not valid.empty:
-        rows = [row for _, row in valid.iterrows()]
-        cells = {
-            QUANTITIES[column].label: [format_with_interval(row, column) for row in rows]
-            for column in COLUMNS
-        }
-        cells |= {"": ["" if row["trusted"] else "warning" for row in rows]}
-        echo(f"\n{pd.DataFrame(cells, index=valid['label']).rename_axis(None).to_string()}")
+        cells = _format_parameters(valid)
+        cells[""] = np.where(valid["trusted"], "", "warning")
+        echo(f"\n{cells.set_index(valid['label']).rename_axis(None).to_string()}")
     for _, row in table[table["verdict"] != "refused"].drop(valid.index).iterrows():
         echo(f"not fitted: {row['label']}: {row['warnings']}")
     echo(f"\npage   {folder / name}.html\ntable  {folder / name}-parameters.csv")
 
 
+def show_verdict(table: pd.DataFrame) -> None:
+    """Show in a line whether a recording of several is good, and why it is refused."""
+    first = table.iloc[0]
+    reason = f": {first['reasons']}" if first["verdict"] == "refused" else ""
+    echo(f"{click.style(first['recording'], bold=True)}  {_style_verdict(first)}{reason}")
+
+
 def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
-    """Write the table and the figure of all recordings; the path to look at."""
+    """Write the table of all estimates, show those that are recommended with their figure; the path to look at."""
     table = pd.concat(tables, ignore_index=True)
     write_csv(table, folder / TABLE, overwrite=True)
-    echo(f"\ntable of all recordings  {folder / TABLE}")
-    valid = table[table["valid"]]
-    if valid.empty:
-        return folder / TABLE
-    figure = recordings_figure(valid, [name for name in COLUMNS if name in valid])
-    save_figure(figure, folder / FIGURE, overwrite=True)
-    echo(f"figure of all recordings {folder / FIGURE}.png")
-    return folder / f"{FIGURE}.png"
+    recommended = table[table["recommended"].eq(True)]
+    path = folder / TABLE
+    if not recommended.empty:
+        cells = _format_parameters(recommended)
+        cells.insert(0, "loop", recommended["loop"])
+        cells.insert(1, "recommended", recommended["label"])
+        echo(f"\n{cells.set_index(recommended['recording']).rename_axis(None).to_string()}")
+        figure = recordings_figure(
+            recommended, [name for name in COLUMNS if recommended[name].notna().any()]
+        )
+        save_figure(figure, folder / FIGURE, overwrite=True)
+        path = folder / f"{FIGURE}.png"
+    without = set(table["recording"]) - set(recommended["recording"])
+    if without:
+        echo(f"\nno recommendation: {', '.join(sorted(without))}")
+    echo(f"\npages                {folder}/NAME.html")
+    echo(f"all methods          {folder / TABLE}")
+    if path.suffix == ".png":
+        echo(f"recommended methods  {path}")
+    return path
+
+
+def _style_verdict(row: pd.Series) -> str:
+    return click.style(row["verdict"], fg=COLOURS[row["verdict"]])
+
+
+def _format_parameters(table: pd.DataFrame) -> pd.DataFrame:
+    """Score and parameters of estimates with their intervals, under the headings of the terminal."""
+    return pd.DataFrame(
+        {
+            QUANTITIES[column].label: [
+                format_with_interval(row, column) for _, row in table.iterrows()
+            ]
+            for column in COLUMNS
+        },
+        index=table.index,
+    )

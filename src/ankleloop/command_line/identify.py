@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ankleloop.command_line.reading import FILE, FOLDER, map_file, name_recordings, reading_options
-from ankleloop.command_line.terminal import show_correction, show_next, show_progress
+from ankleloop.command_line.terminal import echo, show_correction, show_next, show_progress
 from ankleloop.config.recording_settings import Recording
 from ankleloop.errors import DataError
 
@@ -25,7 +25,7 @@ Results, in the folder of --output:
   NAME-parameters.csv           a row for each method: parameters with intervals, scores, warnings
   NAME/METHOD.nc, .mat, .csv    the estimate with its model, and a table of its torques
   NAME/figure-*.csv             the numbers that the figures of the page draw
-  recordings.csv, recordings-figure.png   of several files: all rows in one table, all parameters in one figure
+  recordings.csv, recordings-figure.png   of several files: all rows in one table; a figure of the recommended methods
 """
 RESULTS = "Folder of the results.  [default: FILE-results, of several files ankleloop-results]"
 CHOICE = "Method to fit, several times for several.  [default: all that are valid]"
@@ -101,10 +101,15 @@ def identify(
             recording = Recording(file=path.name)
         studies.append(analysis.make_study(name, path, recording, methods, fields))
     tables = []
-    for study, path in zip(studies, recordings.values(), strict=True):
+    for number, (study, path) in enumerate(zip(studies, recordings.values(), strict=True), 1):
+        if len(files) > 1:
+            echo(f"file {number} of {len(files)}: {path}", err=True)
         with show_progress():
             table = analysis.identify_recording(study, folder)
-        analysis.show_results(table, folder)
+        if len(files) > 1:
+            analysis.show_verdict(table)
+        else:
+            analysis.show_results(table, folder)
         others = {str(file) for file in files if file != path}
         words = [word for word in context.obj if word not in others]
         texts = table.filter(["reasons", "warnings"]).to_numpy().ravel()
