@@ -108,7 +108,7 @@ def test_a_registered_method_is_identified_with_by_its_name(run):
     assert bounds == "method 'twice': factor must be between 0 and 10, got 11.0."
     assert "has no option 'facto' (did you mean 'factor'?)" in name
     assert "unknown method 'twic' (did you mean 'twice'?); known: riv, " in unknown
-    assert " riv-tv, twice. The methods 'broken' of " in unknown
+    assert ", twice. The methods 'broken' of " in unknown
     for entry in ("broken", "wrong"):
         assert f"The methods {entry!r} of the package mine==1.0 cannot be loaded (" in unknown
 
