@@ -64,11 +64,10 @@ class StudyPage(SimpleNamespace):
     def select_estimates(self, estimates: Estimates, methods: Iterable[str]) -> dict[str, Estimate]:
         """Estimates of the trial that figures show, by label; those that failed are not among them."""
         trial = self.figure["trial"]
-        selection = {
-            self.labels[name]: estimates[name][trial]
-            for name in methods
-            if trial in estimates[name]
-        }
+        selection = {}
+        for name in methods:
+            if trial in estimates[name]:
+                selection[self.labels[name]] = estimates[name][trial]
         self.refuse_empty(selection)
         return selection
 
@@ -79,13 +78,11 @@ class StudyPage(SimpleNamespace):
                 "the trial of the figure could not be identified: set another number as figure: trial."
             )
 
-    def show_figure(
-        self, figure: Figure, name: str, caption: str, note: str = "", *, width: int = 980
-    ) -> None:
+    def show_figure(self, figure: Figure, name: str, caption: str, note: str = "") -> None:
         """Save a figure, and show it with its caption; settings, warnings and a note are folded below."""
         self.check_figure(name)
         save_figure(figure, f"{self.figure_stem}-{name}", overwrite=True)
-        show_picture(f"{self.figure_stem}-{name}.png", caption, width)
+        show_picture(f"{self.figure_stem}-{name}.png", caption)
         display(self.fold(note))
 
     def check_figure(self, name: str) -> None:
@@ -112,10 +109,8 @@ class StudyPage(SimpleNamespace):
 
     def fold(self, note: str = "") -> HTML:
         """Trials and settings of the study, and a note, behind a line that opens them."""
-        return fold(
-            "Trials and settings",
-            [note, self._conditions(), describe_faults(self.details, self.labels)],
-        )
+        faults = describe_faults(self.details, self.labels)
+        return fold("Trials and settings", [note, self._conditions(), faults])
 
 
 def fold(summary: str, parts: Iterable[str]) -> HTML:

@@ -90,7 +90,6 @@ def traces_figure(
     """Estimated parameters over time, a column for each condition; the ordinates are those of the settled traces."""
     parts = []
     panels: dict[str, Panel] = {}
-    titles = {condition: condition.replace(", ", ",\n") for condition in traces}  # of the first row
     for name, (label, truth) in truths.items():
         settled = [trace[name][trace["time"] >= settling] for trace in traces.values()]
         values = np.concatenate([[truth], *settled])
@@ -99,7 +98,7 @@ def traces_figure(
             panel = f"{name} {condition}"
             panels[panel] = Panel(
                 label,
-                title=titles.pop(condition, ""),
+                title=condition.replace(", ", ",\n") if name == next(iter(truths)) else "",
                 truth=truth,
                 limits=(values.min() - margin, values.max() + margin),
                 xlabel="time [s]",
