@@ -166,7 +166,7 @@ def torque_figure(
     if len(estimates) <= PANEL_COLUMNS:  # as in the paper; more methods have a row each
         places = product(TORQUES, estimates)
         panels = {f"{label} {torque}": panels[f"{label} {torque}"] for torque, label in places}
-    figure, axes = draw_panels(
+    figure = draw_panels(
         pd.concat(parts),
         panels,
         looks,
@@ -174,7 +174,7 @@ def torque_figure(
         height=TORQUE_HEIGHT,
         sharex=True,
     )
-    axes[0].set_xlim(first, last)
+    figure.axes[0].set_xlim(first, last)
     figure.suptitle(title, size=8.0)
     return finish(figure)
 
@@ -231,7 +231,7 @@ def trajectories_figure(
             else:
                 constants = {**estimate.stiffness, **estimate.reflex}
                 parts.append(curve(name, label, first[dimension], constants.get(name, np.nan)))
-    figure, axes = draw_panels(
+    figure = draw_panels(
         pd.concat(parts),
         panels,
         {**(styles or estimate_styles(estimates)), TRUTH: TRUE},
@@ -240,12 +240,12 @@ def trajectories_figure(
         height_ratios=[2.2, 1.0],
         sharex=True,
     )
-    axes[-1].set_ylim(bottom=0.0)
+    figure.axes[-1].set_ylim(bottom=0.0)
     for column, name in enumerate(names):
         for part in curves.values():
             if name in part:
                 blank = part[name].isnull().values
-                for axis in axes[column :: len(names)]:
+                for axis in figure.axes[column :: len(names)]:
                     _mark_blanks(axis, part[dimension].values, blank)
     return finish(figure)
 
@@ -292,5 +292,4 @@ def mean_trajectories_figure(table: pd.DataFrame, *, styles: Styles) -> DataFigu
             xlabel=ABSCISSAE[dimension],
         )
     looks = {**styles, TRUTH: TRUE}
-    figure, _ = draw_panels(rows, panels, looks, columns=len(names), height=TRAJECTORY_HEIGHT)
-    return finish(figure)
+    return finish(draw_panels(rows, panels, looks, columns=len(names), height=TRAJECTORY_HEIGHT))

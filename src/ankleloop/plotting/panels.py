@@ -85,18 +85,18 @@ class Panel:
 
 def panel_grid(
     count: int, columns: int, height: float, *, width: float = TWO_COLUMNS, **options: Any
-) -> tuple[DataFigure, np.ndarray]:
-    """Make a figure with panels in rows of a height [mm], and leave the rest of the last row empty.
+) -> DataFigure:
+    """Make a figure with panels in rows of a height [mm]; the rest of the last row is empty.
 
-    `finish` leaves the labels of a shared axis to the outer panels. Returns the panels, shape (count,).
+    `finish` leaves the labels of a shared axis to the outer panels.
     """
     columns = min(columns, count)
     rows = -(-count // columns)
     figure = DataFigure(figsize=(width / 25.4, height * rows / 25.4), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, **options).ravel()
-    for axis in axes[count:]:
-        axis.set_visible(False)
-    return figure, axes[:count]
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
+    for axis in axes.flat[count:]:
+        axis.remove()
+    return figure
 
 
 def curve(panel: str, series: str, x: ArrayLike, value: ArrayLike, **columns: Any) -> pd.DataFrame:
@@ -113,17 +113,17 @@ def draw_panels(
     columns: int = PANEL_COLUMNS,
     height: float = PANEL_HEIGHT,
     **options: Any,
-) -> tuple[DataFigure, np.ndarray]:
+) -> DataFigure:
     """Draw the curves of a table, `value` against `x` for each `series` of each `panel`, with what `OPTIONAL` has.
 
-    Labels with a low line in front are not in the legend, which `finish` adds. Returns the panels, too.
+    Labels with a low line in front are not in the legend, which `finish` adds.
     """
     styles = styles or ordinal_styles(table["series"])
-    figure, axes = panel_grid(len(panels), columns, height, **options)
+    figure = panel_grid(len(panels), columns, height, **options)
     rows = table.assign(**{**OPTIONAL, **table})
     parts = dict(list(rows.groupby(["panel", "series"], sort=False)))
     first: dict[str, Axes] = {}  # panel of each quantity
-    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
+    for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
         axis.set(xlabel=panel.xlabel, ylabel=panel.label, title=panel.title)
         if panel.label in first:
             axis.sharey(first[panel.label])
@@ -141,7 +141,7 @@ def draw_panels(
         for direction in panel.log:
             set_logarithmic(axis, direction)
     figure.data = name_quantities(table, panels)
-    return figure, axes
+    return figure
 
 
 @matplotlib.rc_context(STYLE)
@@ -169,8 +169,8 @@ def estimates_figure(
     rows["height"] = condition + distance * (number - 0.5 * (len(series) - 1))
     same_axes = len({(panel.label, panel.limits) for panel in panels.values()}) == 1
     height = max(CONDITION_HEIGHT, SYMBOL_HEIGHT * len(series)) * len(conditions) + 14.0
-    figure, axes = panel_grid(len(panels), PANEL_COLUMNS, height, sharex=same_axes, sharey=True)
-    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
+    figure = panel_grid(len(panels), PANEL_COLUMNS, height, sharex=same_axes, sharey=True)
+    for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
         axis.set(xlabel=panel.label, xlim=panel.limits, title=panel.title)
         axis.set_ylim(len(conditions) - 0.5, -0.5)
         axis.set_yticks(range(len(conditions)), conditions)
@@ -292,7 +292,7 @@ def finish(figure: DataFigure) -> DataFigure:
     places = {}
     for axis in figure.axes:
         place = axis.get_subplotspec()  # a colour bar has none
-        if place and axis.get_visible():
+        if place:
             places[place.rowspan.start, place.colspan.start] = axis
     labels = {axis: (axis.get_xlabel(), axis.get_ylabel()) for axis in places.values()}
     for (row, column), axis in places.items():

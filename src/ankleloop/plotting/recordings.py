@@ -67,8 +67,7 @@ def spectra_figure(spectra: Mapping[str, np.ndarray]) -> DataFigure:
             parts.append(curve(label, series, spectra["frequency"], spectra[name]))
             styles[series.lstrip("_")] = style
     panels[COHERENCE] = Panel(COHERENCE, limits=(0.0, 1.02), xlabel=FREQUENCY, log="x")
-    figure, _ = draw_panels(pd.concat(parts), panels, styles, height=48.0)
-    return finish(figure)
+    return finish(draw_panels(pd.concat(parts), panels, styles, height=48.0))
 
 
 def model_figure(estimates: Mapping[str, Estimate]) -> DataFigure:
@@ -84,8 +83,7 @@ def model_figure(estimates: Mapping[str, Estimate]) -> DataFigure:
     table = pd.concat(parts)
     hidden = "phase" if "response" in set(table["panel"]) else "response"
     panels = {name: panel for name, panel in MODEL_PANELS.items() if name != hidden}
-    figure, _ = draw_panels(table, panels, styles, height=52.0)
-    return finish(figure)
+    return finish(draw_panels(table, panels, styles, height=52.0))
 
 
 def _list_curves(label: str, estimate: Estimate) -> list[pd.DataFrame]:
@@ -147,10 +145,10 @@ def residual_figure(
     for label, test in tests.items():
         parts.append(curve("density", label, test.frequency, test.density))
         parts.append(curve("correlation", label, test.lags, test.correlation))
-    figure, axes = draw_panels(pd.concat(parts), panels, styles, columns=2, height=55.0)
+    figure = draw_panels(pd.concat(parts), panels, styles, columns=2, height=55.0)
     limit = next(iter(tests.values())).limit
     for level in (-limit, limit):
-        axes[1].axhline(level, **REFERENCE_LINE, label="99 % of unrelated ones")
+        figure.axes[1].axhline(level, **REFERENCE_LINE, label="99 % of unrelated ones")
     return finish(figure)
 
 

@@ -59,8 +59,8 @@ def curves_figure(
         panels = {**upper, **panels}
         table = pd.concat([table.assign(panel="upper " + table["panel"]), table], ignore_index=True)
     width = ONE_COLUMN if len(panels) == 1 else TWO_COLUMNS
-    figure, axes = draw_panels(table, panels, styles, columns=columns, width=width, sharex=True)
-    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
+    figure = draw_panels(table, panels, styles, columns=columns, width=width, sharex=True)
+    for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
         if panel.limits and panel.limits[0] != above:
             note_lowest(axis, table.loc[table["panel"] == name, "value"].min())
     return finish(figure)
@@ -104,7 +104,7 @@ def traces_figure(
                 xlabel="time [s]",
             )
             parts.append(curve(panel, "estimate", trace["time"], trace[name], condition=condition))
-    figure, _ = draw_panels(
+    figure = draw_panels(
         pd.concat(parts),
         panels,
         {"estimate": replace(style, more={"lw": 0.9})},
@@ -132,8 +132,8 @@ def order_figure(
             looks[name] = look
             relative = np.asarray(values)[:ORDERS] / values[0]
             parts.append(curve(label, f"_{name}", np.arange(1, relative.size + 1), relative))
-    figure, axes = draw_panels(pd.concat(parts), panels, looks, columns=len(panels), height=52.0)
-    for axis in axes:
+    figure = draw_panels(pd.concat(parts), panels, looks, columns=len(panels), height=52.0)
+    for axis in figure.axes:
         axis.axvline(order + 0.5, **REFERENCE_LINE)
         axis.set_xticks(range(1, ORDERS + 1))
     return finish(figure)

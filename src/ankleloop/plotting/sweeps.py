@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby, product
+from types import MappingProxyType
 from typing import Any, Literal
 
 import matplotlib
@@ -40,6 +41,7 @@ MAP_NUMBERS = 22  # numbers or ticks side by side in all maps of a row
 BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}
 FAR = 3.0  # distance from 80 % of the values over their range, from which on a value does not set an axis
 DARK = 0.5  # lightness of a cell from which on its number is black
+NO_WORDS: Mapping[Any, str] = MappingProxyType({})
 EMPTY_COLOUR = "#d5d5d5"  # of cells without a mean
 CELL_TEXT: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.0}
 COLOUR_BAR: dict[str, Any] = {"aspect": 22, "pad": 0.02, "format": "{x:g}", "extend": "both"}
@@ -52,18 +54,17 @@ class SweepAxis:
     name: str  # of the setting or option
     label: str  # its name with unit
     values: tuple[Any, ...]
-    # For values that are no numbers, where they have any.
-    words: Mapping[Any, str] = field(default_factory=dict)
+    words: Mapping[Any, str]  # for values that are no numbers, where they have any
 
     @classmethod
     def of(
-        cls, name: str, label: str, values: Iterable[Any], words: Mapping[Any, str] | None = None
+        cls, name: str, label: str, values: Iterable[Any], words: Mapping[Any, str] = NO_WORDS
     ) -> SweepAxis:
         """Axis for the values of all points."""
         distinct = dict.fromkeys(map(_as_value, values))
         numbers = sorted(filter(_is_number, distinct))
         others = [value for value in distinct if not _is_number(value)]
-        return cls(name, label, (*numbers, *others), words or {})
+        return cls(name, label, (*numbers, *others), words)
 
     @property
     def column(self) -> str:
@@ -188,8 +189,8 @@ def lines_figure(
     options: dict[str, Any] = {"sharex": True}
     if len(axes) > 1:
         options = {"columns": len(axes), "height": LINES_HEIGHT, "sharex": "col"}
-    figure, cells = draw_panels(pd.concat(parts), shown, styles, **options)
-    for cell, rows, (panel, axis) in zip(cells, parts, product(panels, axes), strict=True):
+    figure = draw_panels(pd.concat(parts), shown, styles, **options)
+    for cell, rows, (panel, axis) in zip(figure.axes, parts, product(panels, axes), strict=True):
         if not axis.ordered:
             axis.list_values(cell.xaxis, 6)
             cell.set_xlim(-0.5, len(axis.values) - 0.5)
@@ -220,11 +221,11 @@ def maps_figure(
     entries: list[tuple[SweepPanel, str] | None] = []
     for row in maps:
         entries += [*row, *[None] * (-len(row) % columns)]
-    figure, cells = panel_grid(len(entries), columns, MAP_HEIGHT, sharex=True, sharey=True)
+    figure = panel_grid(len(entries), columns, MAP_HEIGHT, sharex=True, sharey=True)
     images: dict[SweepPanel, list[AxesImage]] = {}
-    for cell, entry in zip(cells, entries, strict=True):
+    for cell, entry in zip(figure.axes, entries, strict=True):
         if entry is None:
-            cell.set_visible(False)
+            cell.remove()
             continue
         panel, name = entry
         rows = table[table["panel"] == panel.label]

@@ -12,8 +12,8 @@ def entries(figure):
 
 
 def test_legend_has_each_label_once_and_marks_at_its_end():
-    figure, axes = panel_grid(2, 2, 40.0)
-    for axis in axes:
+    figure = panel_grid(2, 2, 40.0)
+    for axis in figure.axes:
         axis.axhline(0.0, **REFERENCE_LINE, label="true value")
         axis.plot([0, 1], [0, 1], label="estimate")
         axis.plot([0, 1], [1, 0])  # without a label
