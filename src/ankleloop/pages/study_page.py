@@ -78,11 +78,13 @@ class StudyPage(SimpleNamespace):
                 "the trial of the figure could not be identified: set another number as figure: trial."
             )
 
-    def show_figure(self, figure: Figure, name: str, caption: str, note: str = "") -> None:
+    def show_figure(
+        self, figure: Figure, name: str, caption: str, note: str = "", *, width: int = 980
+    ) -> None:
         """Save a figure, and show it with its caption; settings, warnings and a note are folded below."""
         self.check_figure(name)
         save_figure(figure, f"{self.figure_stem}-{name}", overwrite=True)
-        show_picture(f"{self.figure_stem}-{name}.png", caption)
+        show_picture(f"{self.figure_stem}-{name}.png", caption, width)
         display(self.fold(note))
 
     def check_figure(self, name: str) -> None:

@@ -224,8 +224,9 @@ def trajectories_figure(
                 part = curves[label]
                 place = part[dimension]
                 trajectory = curve(name, label, place, part[name])
-                ends = {"low": part[f"{name}_low"], "high": part[f"{name}_high"]}
-                parts.append(trajectory.assign(**ends))
+                low = part[f"{name}_low"].values
+                high = part[f"{name}_high"].values
+                parts.append(trajectory.assign(low=low, high=high))
                 excitation = estimate.diagnostics.get("excitation", {}).get(name, np.nan)
                 parts.append(curve(f"excitation of {name}", label, place, excitation))
             else:

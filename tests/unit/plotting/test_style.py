@@ -21,6 +21,11 @@ def test_legend_has_each_label_once_and_marks_at_its_end():
     assert entries(figure) == [["estimate", "true value"]]
 
 
+def test_a_figure_has_no_more_panels_than_are_asked_for():
+    for count in (1, 3, 4, 6):
+        assert len(panel_grid(count, 3, 40.0).axes) == count
+
+
 def test_equal_figures_give_equal_bytes(tmp_path):
     for name in ("first", "second"):
         figure = Figure()
