@@ -21,7 +21,6 @@ from typing import Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_o
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic.fields import FieldInfo
 
 from ankleloop.errors import DataError
 
@@ -193,8 +192,10 @@ class Options(BaseModel):
     @classmethod
     def unit(cls, name: str) -> str:
         """Unit of a field, "1" where it has none."""
-        field = cls.model_fields.get(name)
-        return "1" if field is None else _unit(field)
+        if name not in cls.model_fields:
+            return "1"
+        extra = cls.model_fields[name].json_schema_extra
+        return str(extra.get("unit", "1")) if isinstance(extra, dict) else "1"
 
     @classmethod
     def limits(cls, name: str) -> dict[str, float]:
@@ -213,22 +214,18 @@ class Options(BaseModel):
         lines = ["Parameters", "----------"]
         for name, field in cls.model_fields.items():
             default = "required" if field.is_required() else f"default {field.get_default()!r}"
-            unit = "" if _unit(field) == "1" else f" [{_unit(field)}]"
             # For readers of Python, where YAML's null is None.
             text = re.sub(r"\bnull\b", "None", field.description or "")
+            if cls.unit(name) != "1":
+                text += f" [{cls.unit(name)}]"
             lines.append(f"{name} : {type_name(field.annotation)}, {default}")
-            lines.append(f"    {text}{unit}.")
+            lines.append(f"    {text}.")
         return "\n".join(lines) + "\n"
 
 
 def union_members(annotation: Any) -> tuple[Any, ...]:
     """Types of a field: the members of a union, or the single one."""
     return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
-
-
-def _unit(field: FieldInfo) -> str:
-    extra = field.json_schema_extra
-    return str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else "1"
 
 
 def show_fields(options: type[Options]) -> Callable[[Function], Function]:

@@ -267,8 +267,8 @@ def set_logarithmic(axes: Axes, direction: str) -> None:
 
 def split_label(label: str) -> tuple[str, str]:
     """Split the label of an axis into the quantity and its unit."""
-    quantity, bracket, unit = label.replace("\n", " ").rpartition(" [")
-    return (quantity, unit.rstrip("]")) if bracket else (label, "")
+    quantity, _, unit = label.replace("\n", " ").partition(" [")
+    return quantity, unit.rstrip("]")
 
 
 def name_quantities(table: pd.DataFrame, panels: Mapping[str, Panel]) -> pd.DataFrame:

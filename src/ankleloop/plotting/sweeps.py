@@ -130,7 +130,7 @@ class SweepAxis:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return type(value) in (int, float)  # a flag is none
 
 
 def _as_value(value: Any) -> Any:
