@@ -21,7 +21,6 @@ from typing import Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_o
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic.fields import FieldInfo
 
 from ankleloop.errors import DataError
 
@@ -33,8 +32,6 @@ KINDS = {
     "bool": "true or false",
     "string": "text",
     "str": "text",
-}
-KINDS |= {
     "list": "a list in brackets",
     "dict": "a mapping of keys to values",
     "model": "a mapping of keys to values",
@@ -46,15 +43,6 @@ BOUNDS = {
     "less_than": "lt",
 }
 IS_WITHIN = {"ge": operator.ge, "le": operator.le, "gt": operator.gt, "lt": operator.lt}
-PLAIN = (
-    str,
-    bool,
-    int,
-    NoneType,
-    dict,
-    list,
-    tuple,
-)  # types that need no conversion; floats may be whole numbers
 LARGEST_MEMORY = 64 * 2**30  # bytes, of a machine that does not state its memory
 
 _SHORT = reprlib.Repr()
@@ -113,7 +101,9 @@ class Options(BaseModel):
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         cls.integers = frozenset(
-            name for name, field in cls.model_fields.items() if int in _types(field.annotation)
+            name
+            for name, field in cls.model_fields.items()
+            if int in union_members(field.annotation)
         )
         cls.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n\n{cls.numpydoc()}"
 
@@ -123,17 +113,11 @@ class Options(BaseModel):
         """Numbers of numpy are numbers, and floats without a fraction are whole numbers where those are due."""
         if not isinstance(values, Mapping):
             return values
-        integers = cls.integers
-        plain = dict(values)
-        for name, value in values.items():
-            if type(value) in PLAIN or (type(value) is float and name not in integers):
-                continue
-            value = as_plain(value)
-            plain[name] = (
-                int(value)
-                if name in integers and type(value) is float and value.is_integer()
-                else value
-            )
+        plain = {name: as_plain(value) for name, value in values.items()}
+        for name in cls.integers & plain.keys():
+            value = plain[name]
+            if type(value) is float and value.is_integer():
+                plain[name] = int(value)
         return plain
 
     @classmethod
@@ -208,20 +192,21 @@ class Options(BaseModel):
     @classmethod
     def unit(cls, name: str) -> str:
         """Unit of a field, "1" where it has none."""
-        field = cls.model_fields.get(name)
-        return "1" if field is None else _unit(field)
+        if name not in cls.model_fields:
+            return "1"
+        extra = cls.model_fields[name].json_schema_extra
+        return str(extra.get("unit", "1")) if isinstance(extra, dict) else "1"
 
     @classmethod
     def limits(cls, name: str) -> dict[str, float]:
         """Bounds of a field by the names that `option` has for them; none for an unknown field."""
-        field = cls.model_fields.get(name)
-        metadata = field.metadata if field else ()
-        return {
-            key: getattr(item, key)
-            for item in metadata
-            for key in BOUNDS.values()
-            if hasattr(item, key)
-        }
+        bounds = {}
+        if name in cls.model_fields:
+            for item in cls.model_fields[name].metadata:
+                for bound in IS_WITHIN:
+                    if hasattr(item, bound):
+                        bounds[bound] = getattr(item, bound)
+        return bounds
 
     @classmethod
     def numpydoc(cls) -> str:
@@ -229,27 +214,18 @@ class Options(BaseModel):
         lines = ["Parameters", "----------"]
         for name, field in cls.model_fields.items():
             default = "required" if field.is_required() else f"default {field.get_default()!r}"
-            unit = "" if _unit(field) == "1" else f" [{_unit(field)}]"
-            lines += [
-                f"{name} : {type_name(field.annotation)}, {default}",
-                f"    {_python_text(field)}{unit}.",
-            ]
+            # For readers of Python, where YAML's null is None.
+            text = re.sub(r"\bnull\b", "None", field.description or "")
+            if cls.unit(name) != "1":
+                text += f" [{cls.unit(name)}]"
+            lines.append(f"{name} : {type_name(field.annotation)}, {default}")
+            lines.append(f"    {text}.")
         return "\n".join(lines) + "\n"
 
 
-def _python_text(field: FieldInfo) -> str:
-    """Description of a field for readers of Python, where YAML's null is None."""
-    return re.sub(r"\bnull\b", "None", field.description or "")
-
-
-def _types(annotation: Any) -> tuple[Any, ...]:
+def union_members(annotation: Any) -> tuple[Any, ...]:
     """Types of a field: the members of a union, or the single one."""
     return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
-
-
-def _unit(field: FieldInfo) -> str:
-    extra = field.json_schema_extra
-    return str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else "1"
 
 
 def show_fields(options: type[Options]) -> Callable[[Function], Function]:
@@ -257,23 +233,20 @@ def show_fields(options: type[Options]) -> Callable[[Function], Function]:
 
     def decorate(function: Function) -> Function:
         signature = inspect.signature(function)
-        explicit = {
-            name: item
-            for name, item in signature.parameters.items()
-            if item.kind is not item.VAR_KEYWORD
+        parameters = {
+            name: parameter
+            for name, parameter in signature.parameters.items()
+            if parameter.kind is not parameter.VAR_KEYWORD
         }
-        fields = [
-            inspect.Parameter(
+        for name, field in options.model_fields.items():
+            keyword = inspect.Parameter(
                 name,
                 inspect.Parameter.KEYWORD_ONLY,
                 default=field.default,
                 annotation=field.annotation,
             )
-            for name, field in options.model_fields.items()
-            if name not in explicit
-        ]
-        parameters = [*explicit.values(), *fields]
-        function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]  # PEP 362
+            parameters.setdefault(name, keyword)
+        function.__signature__ = signature.replace(parameters=list(parameters.values()))  # type: ignore[attr-defined]  # PEP 362
         return function
 
     return decorate
@@ -290,21 +263,26 @@ def type_name(annotation: Any) -> str:
     return getattr(annotation, "__name__", str(annotation))
 
 
-def describe_error(
-    error: Mapping[str, Any], unit: str = "1", limits: Mapping[str, float] | None = None
-) -> str:
+def describe_error(error: Mapping[str, Any], unit: str, limits: Mapping[str, float]) -> str:
     """What is wrong with a value, as a predicate: "must be between 1 and 20, got 0"."""
-    kind, context = error["type"], error.get("ctx", {})
-    value, bounds = show_value(error["input"]), dict(limits or {})
+    kind = error["type"]
+    context = error.get("ctx", {})
+    value = show_value(error["input"])
     if kind in BOUNDS:
-        return f"must be {describe_limits(unit, **(bounds or {BOUNDS[kind]: context[BOUNDS[kind]]}))}, got {value}"
+        bound = BOUNDS[kind]
+        return (
+            f"must be {describe_limits(unit, **(limits or {bound: context[bound]}))}, got {value}"
+        )
     if kind == "literal_error":
-        return f"must be {'one of ' * (' or ' in context['expected'])}{context['expected']}; got {value}"
+        choices = context["expected"]
+        if " or " in choices:
+            choices = f"one of {choices}"
+        return f"must be {choices}; got {value}"
     if kind == "value_error":
         return str(context["error"])
     expected = "a finite number" if kind == "finite_number" else KINDS.get(kind.partition("_")[0])
     if expected and kind.endswith(("_number", "_type", "_parsing", "_from_float", "_size")):
-        return f"must be {describe_kind(expected, unit, bounds)}, got {value}"
+        return f"must be {describe_kind(expected, unit, limits)}, got {value}"
     return f"is not usable, {error['msg'][0].lower()}{error['msg'][1:]}: got {value}"
 
 
@@ -321,7 +299,7 @@ def suggest_name(name: Any, names: Iterable[str]) -> str:
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
-def describe_limits(unit: str = "1", **limits: float) -> str:
+def describe_limits(unit: str, **limits: float) -> str:
     """Limits (`ge`, `gt`, `le`, `lt`) in words, with their unit; empty where there are none."""
     if "ge" in limits and "le" in limits:
         words = f"between {_show_limit(limits['ge'])} and {_show_limit(limits['le'])}"
@@ -351,11 +329,8 @@ def as_plain(value: Any) -> Any:
 def check_number(owner: str, name: str, value: Any, unit: str = "1", **limits: float) -> float:
     """Check that an argument is a finite number within its limits."""
     number = as_plain(value)
-    fault = (
-        ""
-        if type(number) in (int, float) and abs(number) <= sys.float_info.max
-        else "a finite number"
-    )
+    is_finite = type(number) in (int, float) and abs(number) <= sys.float_info.max
+    fault = "" if is_finite else "a finite number"
     return float(_check_limits(owner, name, number, fault, unit, limits))
 
 
@@ -363,9 +338,8 @@ def check_integer(owner: str, name: str, value: Any, unit: str = "1", **limits: 
     """Check that an argument is a whole number within its limits, as `check_number` does."""
     number = as_plain(value)
     is_whole = type(number) is int or (type(number) is float and number.is_integer())
-    return int(
-        _check_limits(owner, name, number, "" if is_whole else "a whole number", unit, limits)
-    )
+    fault = "" if is_whole else "a whole number"
+    return int(_check_limits(owner, name, number, fault, unit, limits))
 
 
 def _check_limits(
@@ -378,7 +352,7 @@ def _check_limits(
     return value
 
 
-def describe_kind(kind: str, unit: str, limits: dict[str, float]) -> str:
+def describe_kind(kind: str, unit: str, limits: Mapping[str, float]) -> str:
     """Kind of a value with its limits: "a whole number between 1 and 20"; either may be missing."""
     words = describe_limits(unit, **limits)
     if not kind:

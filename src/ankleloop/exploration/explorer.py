@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any, Literal, get_args, get_origin
+from types import NoneType
+from typing import Any, get_args
 
 import ipywidgets as widgets
 import numpy as np
@@ -17,9 +18,9 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.moesp import MoespOptions
 from ankleloop.methods.registry import METHODS, identify
-from ankleloop.options import Options
+from ankleloop.options import Options, union_members
 from ankleloop.plotting.estimates import torque_figure
-from ankleloop.quantities import QUANTITIES
+from ankleloop.quantities import QUANTITIES, SETTINGS
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
@@ -32,7 +33,7 @@ START = {"A": "pr-moesp", "B": "riv"}  # methods at the start
 # Lowest and highest value of a slider, and its step; on a logarithmic scale that of the logarithm to base 10.
 Range = tuple[float, float, float]
 LOGARITHMIC = ("load_stiffness", "load_viscosity", "load_inertia")
-SETTINGS: Mapping[str, Range | None] = {
+SLIDERS: Mapping[str, Range | None] = {
     "load_stiffness": (10.0, 10_000.0, 0.05),
     "load_viscosity": (0.1, 100.0, 0.05),
     "load_inertia": (0.01, 10.0, 0.05),
@@ -62,15 +63,17 @@ def explore() -> widgets.Widget:
     controls = make_controls()
     columns: dict[str, list[widgets.Widget]] = {}
     for name, widget in controls.items():
-        columns.setdefault(name[0] if name[0] in START else "", []).append(widget)
+        letter = name[0] if name[0] in START else ""
+        columns.setdefault(letter, []).append(widget)
+    boxes = [widgets.VBox(column) for column in columns.values()]
     view = widgets.interactive_output(show_experiment, controls)
-    return widgets.VBox([widgets.HBox([widgets.VBox(column) for column in columns.values()]), view])
+    return widgets.VBox([widgets.HBox(boxes), view])
 
 
 def make_controls() -> dict[str, widgets.Widget]:
     """Widgets of settings by their names, and of each method and its options by the letter and the name."""
     controls = {
-        name: make_widget(SimulationSettings, name, limits) for name, limits in SETTINGS.items()
+        name: make_widget(SimulationSettings, name, limits) for name, limits in SLIDERS.items()
     }
     controls["bootstrap"] = widgets.Checkbox(
         description="intervals by bootstrap (slower)", value=False, **LOOK
@@ -79,65 +82,68 @@ def make_controls() -> dict[str, widgets.Widget]:
         methods = widgets.Dropdown(
             description=f"method {letter}", options=list(METHODS), value=method, **LOOK
         )
-        options = {
-            name: make_widget(MoespOptions, name, limits) for name, limits in OPTIONS.items()
-        }
-        controls |= {
-            f"{letter} {name}": widget for name, widget in {"method": methods, **options}.items()
-        }
+        controls[f"{letter} method"] = methods
+        for name, limits in OPTIONS.items():
+            controls[f"{letter} {name}"] = make_widget(MoespOptions, name, limits)
     return controls
 
 
 def make_widget(model: type[Options], name: str, limits: Range | None) -> widgets.Widget:
     """Widget of a setting or an option, with its default."""
-    default, unit = model.defaults()[name], model.unit(name)
+    default = model.defaults()[name]
+    unit = model.unit(name)
     label = LABELS.get(name, name.replace("_", " "))
-    shared = {
-        "description": label if unit == "1" else f"{label} [{unit}]",
-        "value": default,
-        **LOOK,
-    }
+    if unit != "1":
+        label = f"{label} [{unit}]"
+    shared = {"description": label, "value": default, **LOOK}
     if isinstance(default, bool):
         return widgets.Checkbox(**shared)
     if limits is None:
-        annotation = model.model_fields[name].annotation
-        members = [annotation] if get_origin(annotation) is Literal else list(get_args(annotation))
-        choices = [(value, value) for member in members for value in get_args(member)]
-        own = [("the method's own", None)] if type(None) in members else []
-        return widgets.Dropdown(options=own + choices, **shared)
+        return widgets.Dropdown(options=_list_choices(model, name), **shared)
     low, high, step = limits
-    shared |= {"step": step, "continuous_update": False}
-    if name in LOGARITHMIC:
-        return widgets.FloatLogSlider(
-            min=np.log10(low), max=np.log10(high), readout_format=".3g", **shared
-        )
+    slider = {**shared, "step": step, "continuous_update": False}
     if isinstance(default, int):
-        return widgets.IntSlider(min=low, max=high, **shared)
-    return widgets.FloatSlider(min=low, max=high, readout_format=".3g", **shared)
+        return widgets.IntSlider(min=low, max=high, **slider)
+    slider["readout_format"] = ".3g"
+    if name in LOGARITHMIC:
+        return widgets.FloatLogSlider(min=np.log10(low), max=np.log10(high), **slider)
+    return widgets.FloatSlider(min=low, max=high, **slider)
+
+
+def _list_choices(model: type[Options], name: str) -> list[tuple[str, str | None]]:
+    """Words of a setting or an option with their values; without a word it is the method's own."""
+    choices: list[tuple[str, str | None]] = []
+    for member in union_members(model.model_fields[name].annotation):
+        if member is NoneType:
+            choices.insert(0, ("the method's own", None))
+        choices += [(value, value) for value in get_args(member)]
+    return choices
 
 
 def show_experiment(*, bootstrap: bool, **values: Any) -> None:
     """Simulate, identify and show; what cannot be simulated or identified is a sentence."""
-    settings = {name: values[name] for name in SETTINGS}
+    settings = {name: values[name] for name in SLIDERS}
     try:
         trial = simulate_trial(**settings)
     except NUMERICAL_ERRORS as error:
         print(error)
         return
-    estimates, remarks = {}, []
+    estimates = {}
+    remarks = []
     for letter in START:
         method = values[f"{letter} method"]
         label = f"{letter}: {method}"
         known = METHODS[method].options.model_fields
         options = {name: values[f"{letter} {name}"] for name in OPTIONS if name in known}
         try:
-            estimates[label] = identify(trial, method, **options)
-            if bootstrap and not estimates[label].intervals:
-                intervals = block_bootstrap(
+            estimate = identify(trial, method, **options)
+            estimates[label] = estimate
+            if bootstrap and not estimate.intervals:
+                sample = block_bootstrap(
                     trial, method, repetitions=REPETITIONS, block=BLOCK, **options
-                ).intervals()
-                estimates[label].intervals.update(intervals)
-            remarks += [f"{label}: {text}" for text in estimates[label].diagnostics["warnings"]]
+                )
+                estimate.intervals.update(sample.intervals())
+            remarks += [f"{label}: {text}" for text in estimate.diagnostics["warnings"]]
         except NUMERICAL_ERRORS as error:
             remarks.append(f"{label}: {error}")
     if estimates:
@@ -157,8 +163,7 @@ def tabulate_parameters(
 ) -> pd.DataFrame:
     """True and estimated parameters as text, with 95 % intervals where there are some."""
     model = SimulationSettings(**settings)
-    truth = {"K": model.stiffness, "B": model.viscosity, "I": model.inertia, "G": model.reflex_gain}
-    truth |= {name: getattr(model, name) for name in ("omega_n", "zeta", "delay")}
+    truth = {name: getattr(model, setting) for name, setting in SETTINGS.items()}
     columns = {"true": {name: _format(value) for name, value in truth.items()}}
     for label, estimate in estimates.items():
         columns[label] = {
@@ -166,11 +171,12 @@ def tabulate_parameters(
             for name, value in {**estimate.stiffness, **estimate.reflex}.items()
             if name in truth
         }
-    table = pd.DataFrame(columns, index=list(truth)).fillna("–")
-    return table.set_axis(
-        [f"{QUANTITIES[name].symbol} [{QUANTITIES[name].unit}]" for name in truth]
-    )
+    rows = [f"{QUANTITIES[name].symbol} [{QUANTITIES[name].unit}]" for name in truth]
+    return pd.DataFrame(columns, index=list(truth)).fillna("–").set_axis(rows)
 
 
 def _format(value: float, ends: tuple[float, float] | None = None) -> str:
-    return f"{value:.3g}" if ends is None else f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})"
+    text = f"{value:.3g}"
+    if ends is not None:
+        text += f" ({ends[0]:.3g} … {ends[1]:.3g})"
+    return text

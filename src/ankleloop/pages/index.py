@@ -34,7 +34,9 @@ LEDGER_COLUMNS = [
     "id",
 ]
 # Rows of a table in its page, and columns of a part of a wide one: the first ones, which each part has, and others.
-MOST_ROWS, KEYS, OTHERS = 1000, 3, 9
+MOST_ROWS = 1000
+KEY_COLUMNS = 3
+OTHER_COLUMNS = 9
 
 
 def render_index(
@@ -44,18 +46,15 @@ def render_index(
 
     The results are those of `ankleloop.jobs.results.collect_results`.
     """
-    opening = {}
+    opening: dict[str, object] = {}
     if ledger is not None:
-        from nbconvert.filters import (
-            markdown2html,
-        )  # here: a package of the workflow, which the library does without
+        # Here: a package of the workflow, which the library does without.
+        from nbconvert.filters import markdown2html
 
         sentences = "".join(f"- {escape(text)}\n" for text in summarise(ledger, conclusions))
-        opening = {
-            "sentences": markdown2html(sentences),
-            "table1": render_table1(ledger),
-            **_describe_verdicts(ledger),
-        }
+        opening = _describe_verdicts(ledger)
+        opening["sentences"] = markdown2html(sentences)
+        opening["table1"] = render_table1(ledger)
     body = render_template("index.html.j2", **results, opening=opening)
     return render_page("Results", body, local_pictures=True)
 
@@ -63,9 +62,8 @@ def render_index(
 def render_table1(ledger: pd.DataFrame) -> Markup:
     """Table 1 as HTML, each cell in the colour of its verdict."""
     cells, verdicts = tabulate_table1(ledger)
-    return render_table(
-        cells, colours={text: VERDICT_COLOURS[verdict] for text, verdict in verdicts.items()}
-    )
+    colours = {text: VERDICT_COLOURS[verdict] for text, verdict in verdicts.items()}
+    return render_table(cells, colours=colours)
 
 
 def _describe_verdicts(ledger: pd.DataFrame) -> dict[str, object]:
@@ -77,9 +75,8 @@ def _describe_verdicts(ledger: pd.DataFrame) -> dict[str, object]:
 
 def render_ledger(ledger: pd.DataFrame) -> str:
     """Page of the ledger: each number and claim of the paper with its verdict in its colour."""
-    table = render_table(
-        tabulate_ledger(ledger)[LEDGER_COLUMNS], colours=VERDICT_COLOURS, name="claims"
-    )
+    cells = tabulate_ledger(ledger)[LEDGER_COLUMNS]
+    table = render_table(cells, colours=VERDICT_COLOURS, name="claims")
     body = render_template("ledger.html.j2", **_describe_verdicts(ledger), table=table)
     return render_page("Ledger", body, index="index.html")
 
@@ -87,15 +84,13 @@ def render_ledger(ledger: pd.DataFrame) -> str:
 def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
     """Page of tables that readers sort and search."""
     parts = {name: (_divide(table.head(MOST_ROWS)), len(table)) for name, table in tables.items()}
-    return render_page(
-        "Tables", render_template("tables.html.j2", tables=parts), index="index.html"
-    )
+    body = render_template("tables.html.j2", tables=parts)
+    return render_page("Tables", body, index="index.html")
 
 
 def _divide(table: pd.DataFrame) -> list[pd.DataFrame]:
     """Parts of a table that fit into a page, each with the first columns."""
-    keys, others = list(table.columns[:KEYS]), list(table.columns[KEYS:])
-    return [
-        table[keys + others[start : start + OTHERS]]
-        for start in range(0, max(len(others), 1), OTHERS)
-    ]
+    keys = table.columns[:KEY_COLUMNS]
+    others = table.columns[KEY_COLUMNS:]
+    starts = range(0, max(len(others), 1), OTHER_COLUMNS)
+    return [table[[*keys, *others[start : start + OTHER_COLUMNS]]] for start in starts]

@@ -17,10 +17,12 @@ from ankleloop.plotting.panels import Styles
 from ankleloop.plotting.style import MEASURED, TRUE
 
 MOST_SAMPLES = 20_000  # of a line: less than 5 MB in the page
-HEIGHT, STRIP = 160, 80  # px of a panel, and of the strip that shows the window in the record
-SHORTEST = 0.05  # s of a window
-SHOWN = 2  # estimates; the others, and all residuals, are hidden at first
-RESIDUAL = 0.45  # opacity of a residual, whose colour is that of the estimate
+PANEL_HEIGHT = 160  # px
+STRIP_HEIGHT = 80  # px of the strip that shows the window in the record
+SHORTEST_WINDOW = 0.05  # s
+SHOWN_ESTIMATES = 2  # the others, and all residuals, are hidden at first
+RESIDUAL_OPACITY = 0.45  # the colour of a residual is that of the estimate
+SIZE: dict[str, Any] = {"sizing_mode": "stretch_width", "min_border_left": 70}
 
 # How Bokeh draws a series, and its time [s] and torques [N·m] by the names of their panels.
 Series = tuple[dict[str, Any], dict[str, np.ndarray]]
@@ -42,36 +44,22 @@ def list_series(
     trial: PreparedTrial, estimates: Mapping[str, Estimate], styles: Styles
 ) -> list[Series]:
     """Measured torque, true ones where they are known, estimates, and what they leave of the torques that are known."""
-    torques = centre_torques(
-        trial, max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"])
-    )
-    measured: Series = (
-        {"name": "measured", "color": MEASURED.colour},
-        {"time": torques.time, "net": torques.measured},
-    )
-    true: Series = (
-        {"name": "true (simulated)", "color": TRUE.colour},
-        {"time": torques.time, **torques.true},
-    )
-    series, residuals = [measured, true] if torques.true else [measured], []
+    longest = max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"])
+    torques = centre_torques(trial, longest)
+    measured = {"time": torques.time, "net": torques.measured}
+    series: list[Series] = [({"name": "measured", "color": MEASURED.colour}, measured)]
+    if torques.true:
+        true = {"time": torques.time, **torques.true}
+        series.append(({"name": "true (simulated)", "color": TRUE.colour}, true))
+    residuals: list[Series] = []
     for rank, (label, estimate) in enumerate(estimates.items()):
-        own, colour = centre_torques(trial, estimate), styles[label].colour
-        left = {
-            name: values - own.estimated[name]
-            for name, values in {**own.true, "net": own.measured}.items()
-        }
-        series.append(
-            (
-                {"name": label, "color": colour, "visible": rank < SHOWN},
-                {"time": own.time, **own.estimated},
-            )
-        )
-        look = {
-            "name": f"residual of {label}",
-            "color": colour,
-            "alpha": RESIDUAL,
-            "visible": False,
-        }
+        own = centre_torques(trial, estimate)
+        look: dict[str, Any] = {"name": label, "color": styles[label].colour}
+        shown = {**look, "visible": rank < SHOWN_ESTIMATES}
+        series.append((shown, {"time": own.time, **own.estimated}))
+        look |= {"name": f"residual of {label}", "alpha": RESIDUAL_OPACITY, "visible": False}
+        known = {**own.true, "net": own.measured}
+        left = {torque: known[torque] - own.estimated[torque] for torque in known}
         residuals.append((look, {"time": own.time, **left}))
     return series + residuals
 
@@ -86,40 +74,41 @@ def _draw(series: list[Series], window: Mapping[str, float], step: int) -> Any:
 
     times = series[0][1]["time"][[0, -1]]
     start, end = find_window(times, window["start"], window["length"])
-    x_range = Range1d(start=start, end=end, bounds=tuple(times), min_interval=SHORTEST)
+    x_range = Range1d(start=start, end=end, bounds=tuple(times), min_interval=SHORTEST_WINDOW)
     wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
-    cursor = CrosshairTool(
-        overlay=Span(dimension="height", line_color="#888888", line_dash="dotted")
-    )
-    tips = [("", "$name"), ("time", "$x{0.000} s"), ("torque", "$y{0.000} N·m")]
-    size: dict[str, Any] = {"sizing_mode": "stretch_width", "min_border_left": 70}
-    tools = ["xpan", "box_zoom", "reset", "save", wheel, cursor]
-    options = {"frame_height": HEIGHT, "x_range": x_range, "tools": tools, "tooltips": tips, **size}
-    options |= {"active_scroll": wheel, "active_inspect": cursor}
+    line = Span(dimension="height", line_color="#888888", line_dash="dotted")
+    cursor = CrosshairTool(overlay=line)
+    options = {
+        "frame_height": PANEL_HEIGHT,
+        "x_range": x_range,
+        "tools": ["xpan", "box_zoom", "reset", "save", wheel, cursor],
+        "tooltips": [("", "$name"), ("time", "$x{0.000} s"), ("torque", "$y{0.000} N·m")],
+        **SIZE,
+        "active_scroll": wheel,
+        "active_inspect": cursor,
+    }
     panels = {
         torque: figure(y_axis_label=f"{torque} torque [N·m]", **options) for torque in TORQUES
     }
     panels["reflex"].xaxis.axis_label = "time [s]"
     strip = figure(
-        height=STRIP,
+        height=STRIP_HEIGHT,
         x_range=Range1d(*times),
         y_axis_type=None,
         toolbar_location=None,
         tools="",
-        **size,
+        **SIZE,
     )
     strip.add_tools(RangeTool(x_range=x_range))
     items: list[Any] = []
     for look, values in series:
-        source = ColumnDataSource(
-            {name: part[::step].astype("float32") for name, part in values.items()}
-        )
-        drawn = [
-            panels[name].line("time", name, source=source, **look)
-            for name in values
-            if name != "time"
-        ]
-        items.append((look["name"], drawn))
+        thinned = {name: part[::step].astype("float32") for name, part in values.items()}
+        source = ColumnDataSource(thinned)
+        lines = []
+        for torque in TORQUES:
+            if torque in values:
+                lines.append(panels[torque].line("time", torque, source=source, **look))
+        items.append((look["name"], lines))
         if look["name"] == "measured":
             strip.line("time", "net", source=source, color=look["color"])
     legend = Legend(

@@ -14,7 +14,7 @@ from ankleloop.pages.interactive import render_interactive_torques
 from ankleloop.pages.rendering import render_page, render_template
 from ankleloop.plotting.estimates import torque_figure, trajectories_figure
 from ankleloop.plotting.recordings import model_figure, residual_figure, spectra_figure
-from ankleloop.plotting.style import DataFigure, method_styles, render_figure
+from ankleloop.plotting.style import DataFigure, estimate_styles, render_figure
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import Analysis
 from ankleloop.recordings.recommendation import describe_variations, format_with_interval, recommend
@@ -30,22 +30,25 @@ def draw_figures(
     trials: Sequence[xr.Dataset], analysis: Analysis, window: Mapping[str, Any]
 ) -> dict[str, DataFigure]:
     """Draw the figures of the page of a recording."""
-    marked, spectra = _mark_labels(analysis), analysis.check.spectra
-    figures = {"spectra": spectra_figure(spectra)} if spectra else {}
-    if estimates := {marked[label]: estimate for label, estimate in analysis.estimates.items()}:
-        recording = trials[0].drop_vars(
-            [name for name in trials[0].data_vars if str(name).startswith("torque_")]
-        )
-        styles = method_styles({label: estimate.method for label, estimate in estimates.items()})
-        figures["torques"] = torque_figure(recording, estimates, **window)
-        figures["torques"].interactive = render_interactive_torques(
-            recording, estimates, styles, window
-        )
-        figures["models"] = model_figure(estimates)
-        if changing := _select_changing(estimates):
-            figures["trajectories"] = trajectories_figure(changing, styles=styles)
-        tests = {marked[label]: test for label, test in analysis.residuals.items()}
-        figures["residuals"] = residual_figure(tests, styles=styles)
+    figures = {}
+    if analysis.check.spectra:
+        figures["spectra"] = spectra_figure(analysis.check.spectra)
+    if not analysis.estimates:
+        return figures
+    marked = _mark_labels(analysis)
+    estimates = {marked[label]: estimate for label, estimate in analysis.estimates.items()}
+    styles = estimate_styles(estimates)
+    parts = [name for name in trials[0].data_vars if str(name).startswith("torque_")]
+    recording = trials[0].drop_vars(parts)
+    torques = torque_figure(recording, estimates, **window)
+    torques.interactive = render_interactive_torques(recording, estimates, styles, window)
+    figures["torques"] = torques
+    figures["models"] = model_figure(estimates)
+    changing = _select_changing(estimates)
+    if changing:
+        figures["trajectories"] = trajectories_figure(changing, styles=styles)
+    tests = {marked[label]: test for label, test in analysis.residuals.items()}
+    figures["residuals"] = residual_figure(tests, styles=styles)
     return figures
 
 
@@ -76,38 +79,39 @@ def render_recording_page(
 
 def _embed(figure: DataFigure) -> dict[str, Any]:
     """Attributes of an image that holds a figure."""
-    picture = base64.b64encode(render_figure(figure, DOTS_PER_INCH)).decode()
+    picture = render_figure(figure, DOTS_PER_INCH)
     return {
-        "width": round(PIXELS_PER_INCH * figure.get_size_inches()[0]),
-        "src": f"data:image/png;base64,{picture}",
+        "width": round(PIXELS_PER_INCH * figure.get_figwidth()),
+        "src": f"data:image/png;base64,{base64.b64encode(picture).decode()}",
     }
 
 
 def _select_changing(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
     """Estimates with trajectories over what the first of them has, and riv beside them; none without any."""
     courses = {
-        label: tuple(e.trajectories.sizes)
-        for label, e in estimates.items()
-        if e.trajectories is not None
+        label: list(estimate.trajectories.sizes)
+        for label, estimate in estimates.items()
+        if estimate.trajectories is not None
     }
-    first = next(iter(courses.values()), ())
+    if not courses:
+        return {}
+    first = next(iter(courses.values()))
     return {
-        label: e
-        for label, e in estimates.items()
-        if first and (e.method == "riv" or courses.get(label) == first)
+        label: estimate
+        for label, estimate in estimates.items()
+        if estimate.method == "riv" or courses.get(label) == first
     }
 
 
 def _compare_methods(table: pd.DataFrame, labels: list[str]) -> pd.DataFrame:
     """A row for each quantity that some method has, a column for each method."""
     rows = [row for _, row in table[table["valid"]].iterrows()]
-    cells = pd.DataFrame(
-        {name: [format_with_interval(row, name) for row in rows] for name in ROWS}, index=labels
-    )
-    cells["delay"] = cells["delay"].str.replace(
-        "^[^–…]+$", r"\g<0> (assumed)", regex=True
-    )  # without an interval
-    return cells.loc[:, ~cells.isin(["–", ""]).all()].rename(columns=ROWS).T.reset_index(names="")
+    columns = {name: [format_with_interval(row, name) for row in rows] for name in ROWS}
+    cells = pd.DataFrame(columns, index=labels)
+    # A delay without an interval was not estimated.
+    cells["delay"] = cells["delay"].str.replace("^[^–…]+$", r"\g<0> (assumed)", regex=True)
+    is_empty = cells.isin(["–", ""]).all()
+    return cells.loc[:, ~is_empty].rename(columns=ROWS).T.reset_index(names="")
 
 
 def _mark_labels(analysis: Analysis) -> dict[str, str]:

@@ -20,7 +20,7 @@ SHORT_NAMES = {
     r"Refined instrumental variables(?! \w)( \(riv\))?": "riv",
     "Parallel cascade": "cascade",
 }
-TEXT = 24  # letters of a cell from which on it is a text, which wraps
+LEAST_TEXT = 24  # letters of a cell from which on it is a text, which wraps
 NUMBER = r"[+-]?[\d.,]+(e[+-]?\d+)?|nan"
 ENVIRONMENT = Environment(
     loader=PackageLoader("ankleloop.pages"),
@@ -28,9 +28,8 @@ ENVIRONMENT = Environment(
     undefined=StrictUndefined,
     trim_blocks=True,
 )
-ENVIRONMENT.policies["json.dumps_kwargs"] = {
-    "sort_keys": False
-}  # Bokeh reads the models of a figure in their order
+# Bokeh reads the models of a figure in their order.
+ENVIRONMENT.policies["json.dumps_kwargs"] = {"sort_keys": False}
 
 
 def render_template(name: str, /, **values: Any) -> Markup:
@@ -42,42 +41,39 @@ def render_page(
     title: str, body: str, note: str = "", index: str | None = None, local_pictures: bool = False
 ) -> str:
     """Page around a body: a note, table of contents, link to the index, style, and the scripts that the body needs."""
-    contents, numbers = HEADING.findall(body), count(1)
-    body = HEADING.sub(lambda heading: f'<h{heading[1]} id="section-{next(numbers)}"', body)
+    numbers = count(1)
+    anchored = HEADING.sub(lambda heading: f'<h{heading[1]} id="section-{next(numbers)}"', body)
     sources = [("ankleloop.pages", "scripts/tables.js")]
     if 'class="interactive"' in body:  # without Bokeh's widgets and tables
-        sources += [
-            ("bokeh", "server/static/js/bokeh.min.js"),
-            ("ankleloop.pages", "scripts/figures.js"),
-        ]
+        sources.append(("bokeh", "server/static/js/bokeh.min.js"))
+        sources.append(("ankleloop.pages", "scripts/figures.js"))
     scripts = [
         files(package).joinpath(path).read_text(encoding="utf-8") for package, path in sources
     ]
+    hashes = [hashlib.sha256(script.encode()).digest() for script in scripts]
     return render_template(
         "base.html.j2",
         title=title,
         note=note,
-        body=body,
-        contents=contents,
+        body=anchored,
+        contents=HEADING.findall(body),
         index=index,
         local_pictures=local_pictures,
         scripts=scripts,
-        digests=[
-            base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-            for script in scripts
-        ],
+        digests=[base64.b64encode(digest).decode() for digest in hashes],
     )
 
 
 def find_captions(notebook: Mapping[str, Any]) -> dict[bytes, str]:
     """Captions of the pictures that a notebook shows: their alternative texts."""
-    outputs = [output for cell in notebook["cells"] for output in cell.get("outputs", ())]
-    pictures = [output for output in outputs if "image/png" in output.get("data", {})]
-    texts = [picture["metadata"].get("image/png", {}).get("alt", "") for picture in pictures]
-    return {
-        base64.b64decode(picture["data"]["image/png"]): text
-        for picture, text in zip(pictures, texts, strict=True)
-    }
+    captions = {}
+    for cell in notebook["cells"]:
+        for output in cell.get("outputs", ()):
+            picture = output.get("data", {}).get("image/png")
+            if picture:
+                attributes = output["metadata"].get("image/png", {})
+                captions[base64.b64decode(picture)] = attributes.get("alt", "")
+    return captions
 
 
 def render_table(
@@ -92,16 +88,15 @@ def render_table(
     Cells with a colour have it as background. A long table with a name has a field that filters its rows.
     """
     cells = table.map(str).replace(SHORT_NAMES, regex=True)
-    repeated = [
-        column for column in cells.columns[1:] if len(cells) > 2 and cells[column].nunique() == 1
-    ]
-    constant = {column: cells.pop(column).iloc[0] for column in repeated}
-    classes = [_class_of(cells[column]) for column in cells]
+    constant = {}
+    for column in cells.columns[1:]:
+        if len(cells) > 2 and cells[column].nunique() == 1:
+            constant[column] = cells.pop(column).iloc[0]
     return render_template(
         "table.html.j2",
         table=cells,
         name=name,
-        classes=classes,
+        classes=[_class_of(cells[column]) for column in cells],
         constant=constant,
         links=links,
         colours=colours or {},
@@ -109,10 +104,11 @@ def render_table(
 
 
 def _class_of(column: pd.Series) -> str:
-    texts = column[~column.isin(["", "–"])].astype(str)
+    """Class of the cells of a column: numbers, texts that wrap, or neither."""
+    texts = column[~column.isin(["", "–"])]
     if len(texts) and texts.str.fullmatch(NUMBER).all():
         return "number"
-    return "text" if texts.str.len().max() > TEXT else ""
+    return "text" if texts.str.len().max() > LEAST_TEXT else ""
 
 
 ENVIRONMENT.globals["render_table"] = render_table

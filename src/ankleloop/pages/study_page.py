@@ -64,11 +64,10 @@ class StudyPage(SimpleNamespace):
     def select_estimates(self, estimates: Estimates, methods: Iterable[str]) -> dict[str, Estimate]:
         """Estimates of the trial that figures show, by label; those that failed are not among them."""
         trial = self.figure["trial"]
-        selection = {
-            self.labels[name]: estimates[name][trial]
-            for name in methods
-            if trial in estimates[name]
-        }
+        selection = {}
+        for name in methods:
+            if trial in estimates[name]:
+                selection[self.labels[name]] = estimates[name][trial]
         self.refuse_empty(selection)
         return selection
 
@@ -112,10 +111,8 @@ class StudyPage(SimpleNamespace):
 
     def fold(self, note: str = "") -> HTML:
         """Trials and settings of the study, and a note, behind a line that opens them."""
-        return fold(
-            "Trials and settings",
-            [note, self._conditions(), describe_faults(self.details, self.labels)],
-        )
+        faults = describe_faults(self.details, self.labels)
+        return fold("Trials and settings", [note, self._conditions(), faults])
 
 
 def fold(summary: str, parts: Iterable[str]) -> HTML:

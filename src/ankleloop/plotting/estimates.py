@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,8 +16,8 @@ from ankleloop.errors import DataError
 from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.regressors import TORQUES
-from ankleloop.plotting.panels import COLUMNS, Panel, Styles, draw_panels, finish
-from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, method_styles, ordinal_styles
+from ankleloop.plotting.panels import PANEL_COLUMNS, Panel, Styles, curve, draw_panels, finish
+from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, estimate_styles
 from ankleloop.quantities import QUANTITIES
 
 if TYPE_CHECKING:
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from ankleloop.joint.estimate import Estimate
     from ankleloop.joint.prepared import PreparedTrial
 
-HEIGHT, ROW = 36.0, 44.0  # mm of a row of panels of torques, and of trajectories
+TORQUE_HEIGHT = 36.0  # mm of a row of panels
+TRAJECTORY_HEIGHT = 44.0
 ESTIMATED = {"ls": (0, (4.0, 1.2)), "lw": 1.0}  # dashes, so that what lies below can be seen
 TARGETS = {"measured": MEASURED, "true (simulated)": TRUE}
 PARAMETERS = ("K", "B", "G", "I")  # in their order; I where it varies
@@ -37,7 +38,7 @@ ABSCISSAE = {
 }
 BLANK = "#dddddd"  # places at which a parameter is not identified
 TRUTH = "true value"
-SPREAD = 1.3  # ordinates show the truth and the means with this share of their range
+ORDINATE_MARGIN = 0.15  # of the range of the truth and the means, at either side
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,16 +53,15 @@ class CentredTorques:
 
 def centre_torques(trial: PreparedTrial | None, estimate: Estimate) -> CentredTorques:
     """Measured, true and estimated torques at the samples of an estimate, each less its mean."""
-    time, rate = estimate.torque["time"].values, estimate.torque.attrs["identification_rate"]
+    time = estimate.torque["time"].values
+    rate = estimate.torque.attrs["identification_rate"]
     true: dict[str, np.ndarray] = {}
     if trial is not None:
         measured = trial.channel_at("torque", time, rate)
         if {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
-            parts = {
-                part: _centre(trial.channel_at(f"torque_{part}", time, rate))
-                for part in TORQUES[1:]
-            }
-            true = {"net": parts["intrinsic"] + parts["reflex"], **parts}
+            intrinsic = _centre(trial.channel_at("torque_intrinsic", time, rate))
+            reflex = _centre(trial.channel_at("torque_reflex", time, rate))
+            true = {"net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
     elif MEASURED_TORQUE in estimate.torque:
         measured = estimate.torque[MEASURED_TORQUE].values
     else:
@@ -80,7 +80,9 @@ def plot_estimate(estimate: Estimate, trial: xr.Dataset | PreparedTrial | None) 
     """Trajectories of an estimate that has them, else its torques; with the true ones of a simulated trial."""
     if estimate.trajectories is None:
         return torque_figure(trial, {estimate.method: estimate})
-    truths = None if trial is None else true_trajectories(trial, estimate.trajectories)
+    truths = None
+    if trial is not None:
+        truths = true_trajectories(trial, estimate.trajectories)
     return trajectories_figure({estimate.method: estimate}, truths)
 
 
@@ -125,65 +127,63 @@ def torque_figure(
     >>> len(figure.axes)  # net, intrinsic and reflex torque
     3
     """
-    prepared = None if trial is None else prepare(trial)
-    styles = styles or method_styles(
-        {label: estimate.method for label, estimate in estimates.items()}
-    )
-    looks = {
-        f"{label} (estimated)": replace(styles[label], more=ESTIMATED) for label in estimates
-    } | TARGETS
-    time = (
-        next(iter(estimates.values())).torque["time"].values
-        if prepared is None
-        else prepared.samples["time"]
-    )
+    if trial is None:
+        prepared = None
+        time = next(iter(estimates.values())).torque["time"].values
+    else:
+        prepared = prepare(trial)
+        time = prepared.samples["time"]
     first, last = find_window(time, start, length)
-    titles, parts = {}, []
+    styles = styles or estimate_styles(estimates)
+    looks = dict(TARGETS)
+    panels: dict[str, Panel] = {}
+    parts = []
     for label, estimate in estimates.items():
+        estimated = f"{label} (estimated)"
+        looks[estimated] = replace(styles[label], more=ESTIMATED)
         torques = centre_torques(prepared, estimate)
         inside = (torques.time >= first) & (torques.time <= last)
-        scores = {"net": (estimate.vaf_net, "measured")}
-        if (
-            prepared is not None
-        ):  # the first of each torque: the net torque against the measured one
-            rows = evaluate(prepared, estimate).groupby("torque", sort=False).first()
-            scores = dict(
-                zip(rows.index, rows[["vaf", "against"]].itertuples(index=False), strict=True)
-            )
+        scores = _score_torques(prepared, estimate)
         for torque in TORQUES:
-            vaf, against = scores.get(torque, (None, "true" if torques.true else "measured"))
-            score = (
-                f": VAF {vaf:.1f} % ({against})"
-                if vaf is not None
-                else ": no VAF (true: zero)" * bool(torques.true)
-            )
-            titles[label, torque] = (f"{label}\n" if torque == "net" else "") + torque + score
-            true = (
-                ("true (simulated)", torques.true[torque])
-                if against == "true"
-                else ("measured", torques.measured)
-            )
-            for series, values in (true, (f"{label} (estimated)", torques.estimated[torque])):
-                names = {"panel": f"{label} {torque}", "series": series, "method": label}
-                parts.append(
-                    pd.DataFrame({**names, "x": torques.time[inside], "value": values[inside]})
-                )
-    places = list(product(estimates, TORQUES))
-    if len(estimates) <= COLUMNS:  # as in the paper; more methods have a row each
-        places = [(label, torque) for torque in TORQUES for label in estimates]
-    panels = {
-        f"{label} {torque}": Panel(
-            f"{torque} torque [N·m]", titles[label, torque], xlabel="time [s]"
-        )
-        for label, torque in places
-    }
-    columns = min(COLUMNS, len(estimates))
-    figure, axes = draw_panels(
-        pd.concat(parts), panels, looks, columns=columns, height=HEIGHT, sharex=True
+            name = f"{label} {torque}"
+            heading = f"{label}\n{torque}" if torque == "net" else torque
+            if torques.true and torque != "net":
+                against = "true"
+                series = "true (simulated)"
+                target = torques.true[torque]
+            else:
+                against = series = "measured"
+                target = torques.measured
+            vaf = scores.get(torque)
+            if vaf is not None:
+                heading += f": VAF {vaf:.1f} % ({against})"
+            elif torques.true:
+                heading += ": no VAF (true: zero)"
+            panels[name] = Panel(f"{torque} torque [N·m]", heading, xlabel="time [s]")
+            for line, values in ((series, target), (estimated, torques.estimated[torque])):
+                part = curve(name, line, torques.time, values, method=label)
+                parts.append(part[inside])
+    if len(estimates) <= PANEL_COLUMNS:  # as in the paper; more methods have a row each
+        places = product(TORQUES, estimates)
+        panels = {f"{label} {torque}": panels[f"{label} {torque}"] for torque, label in places}
+    figure = draw_panels(
+        pd.concat(parts),
+        panels,
+        looks,
+        columns=min(PANEL_COLUMNS, len(estimates)),
+        height=TORQUE_HEIGHT,
+        sharex=True,
     )
-    axes[0].set_xlim(first, last)
+    figure.axes[0].set_xlim(first, last)
     figure.suptitle(title, size=8.0)
     return finish(figure)
+
+
+def _score_torques(trial: PreparedTrial | None, estimate: Estimate) -> Mapping[str, float | None]:
+    """VAF of each torque, that of the net torque against the measured one [%]."""
+    if trial is None:
+        return {"net": estimate.vaf_net}
+    return evaluate(trial, estimate).groupby("torque")["vaf"].first().to_dict()
 
 
 def find_window(time: np.ndarray, start: float, length: float) -> tuple[float, float]:
@@ -209,58 +209,55 @@ def trajectories_figure(
         raise ValueError(
             f"trajectories must be functions of one thing, got {', '.join(sorted(dimensions)) or 'none'}."
         )
-    (dimension,), first = dimensions, next(iter(curves.values()))
-    own, unit = (first.attrs.get(key, "") for key in ("variable", "variable_unit"))
-    xlabel = variable or (f"{own} [{unit}]" if unit else own) or ABSCISSAE[dimension]
-    styles = styles or method_styles(
-        {label: estimate.method for label, estimate in estimates.items()}
-    )
+    (dimension,) = dimensions
+    first = next(iter(curves.values()))
+    xlabel = variable or _label_abscissa(first)
     names = [name for name in PARAMETERS if any(name in part for part in curves.values())]
     panels = {name: Panel(QUANTITIES[name].label, xlabel=xlabel) for name in names}
     panels |= {f"excitation of {name}": Panel("excitation [1]", xlabel=xlabel) for name in names}
-    parts: list[dict[str, Any]] = []
-    blanks = []
+    parts = []
     for name in names:
         if truths is not None and name in truths:
-            parts.append(
-                {"panel": name, "series": TRUTH, "x": truths[dimension], "value": truths[name]}
-            )
+            parts.append(curve(name, TRUTH, truths[dimension], truths[name]))
         for label, estimate in estimates.items():
-            if name not in curves.get(label, ()):
-                constant = {**estimate.stiffness, **estimate.reflex}.get(name, np.nan)
-                parts.append(
-                    {"panel": name, "series": label, "x": first[dimension], "value": constant}
-                )
-                continue
-            keys = dimension, name, f"{name}_low", f"{name}_high"
-            place, value, low, high = (curves[label][key].values for key in keys)
-            parts.append(
-                {
-                    "panel": name,
-                    "series": label,
-                    "x": place,
-                    "value": value,
-                    "low": low,
-                    "high": high,
-                }
-            )
-            excitation = estimate.diagnostics.get("excitation", {}).get(name, np.nan)
-            parts.append(
-                {"panel": f"excitation of {name}", "series": label, "x": place, "value": excitation}
-            )
-            blanks.append((name, place, np.isnan(value)))
-    table = pd.concat(map(pd.DataFrame, parts))
-    size: dict[str, Any] = {
-        "columns": len(names),
-        "height": 0.75 * ROW,
-        "height_ratios": [2.2, 1.0],
-    }
-    figure, axes = draw_panels(table, panels, {**styles, TRUTH: TRUE}, sharex=True, **size)
-    axes[-1].set_ylim(bottom=0.0)
-    for name, place, blank in blanks:
-        for axis in axes[names.index(name) :: len(names)]:
-            _mark_blanks(axis, place, blank)
+            if name in curves.get(label, ()):
+                part = curves[label]
+                place = part[dimension]
+                trajectory = curve(name, label, place, part[name])
+                low = part[f"{name}_low"].values
+                high = part[f"{name}_high"].values
+                parts.append(trajectory.assign(low=low, high=high))
+                excitation = estimate.diagnostics.get("excitation", {}).get(name, np.nan)
+                parts.append(curve(f"excitation of {name}", label, place, excitation))
+            else:
+                constants = {**estimate.stiffness, **estimate.reflex}
+                parts.append(curve(name, label, first[dimension], constants.get(name, np.nan)))
+    figure = draw_panels(
+        pd.concat(parts),
+        panels,
+        {**(styles or estimate_styles(estimates)), TRUTH: TRUE},
+        columns=len(names),
+        height=0.75 * TRAJECTORY_HEIGHT,
+        height_ratios=[2.2, 1.0],
+        sharex=True,
+    )
+    figure.axes[-1].set_ylim(bottom=0.0)
+    for column, name in enumerate(names):
+        for part in curves.values():
+            if name in part:
+                blank = part[name].isnull().values
+                for axis in figure.axes[column :: len(names)]:
+                    _mark_blanks(axis, part[dimension].values, blank)
     return finish(figure)
+
+
+def _label_abscissa(trajectories: xr.Dataset) -> str:
+    """What trajectories are functions of, with its unit."""
+    variable = trajectories.attrs.get("variable")
+    unit = trajectories.attrs.get("variable_unit")
+    if not variable:
+        return ABSCISSAE[str(next(iter(trajectories.sizes)))]
+    return f"{variable} [{unit}]" if unit else str(variable)
 
 
 def _mark_blanks(axis: Axes, place: np.ndarray, blank: np.ndarray) -> None:
@@ -272,28 +269,28 @@ def _mark_blanks(axis: Axes, place: np.ndarray, blank: np.ndarray) -> None:
         axis.plot([], [], color=BLANK, lw=5.0, label="not identified")
 
 
-def mean_trajectories_figure(table: pd.DataFrame, *, styles: Styles | None = None) -> DataFigure:
+def mean_trajectories_figure(table: pd.DataFrame, *, styles: Styles) -> DataFigure:
     """Mean trajectories over trials with the spread of the trials: a row for each setting, a column for K, B and G.
 
     The ordinates follow the truth and the means.
     """
-    settings = list(dict.fromkeys(table["row"]))
     names = [name for name in PARAMETERS if name in set(table["parameter"])]
-    table = table.assign(
-        panel=table["row"] + table["parameter"], x=table["place"], value=table["mean"]
-    )
+    panel = table["row"] + table["parameter"]
+    table = table.assign(panel=panel, x=table["place"], value=table["mean"])
     truths = table.drop_duplicates(["panel", "place"]).drop(columns=["low", "high"])
     rows = pd.concat([truths.assign(series=TRUTH, value=truths["truth"]), table])
     panels = {}
-    for setting, name in product(settings, names):
+    for setting, name in product(table["row"].unique(), names):
         values = rows.loc[rows["parameter"] == name, "value"]
-        low, high = float(values.min()), float(values.max())
-        margin = 0.5 * (SPREAD - 1.0) * max(high - low, 0.05 * abs(high))
-        title = setting if name == names[len(names) // 2] else ""
+        low = values.min()
+        high = values.max()
+        margin = ORDINATE_MARGIN * max(high - low, 0.05 * abs(high))
         dimension = table.loc[table["row"] == setting, "dimension"].iloc[0]
-        limits = low - margin, high + margin
         panels[setting + name] = Panel(
-            QUANTITIES[name].label, title, None, limits, ABSCISSAE[dimension]
+            QUANTITIES[name].label,
+            title=setting if name == names[len(names) // 2] else "",
+            limits=(low - margin, high + margin),
+            xlabel=ABSCISSAE[dimension],
         )
-    styles = {**(styles or ordinal_styles(dict.fromkeys(table["series"]))), TRUTH: TRUE}
-    return finish(draw_panels(rows, panels, styles, columns=len(names), height=ROW)[0])
+    looks = {**styles, TRUTH: TRUE}
+    return finish(draw_panels(rows, panels, looks, columns=len(names), height=TRAJECTORY_HEIGHT))

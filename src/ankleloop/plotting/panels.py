@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
+from numpy.typing import ArrayLike
 
 from ankleloop.plotting.style import (
     MARK,
@@ -23,6 +24,8 @@ from ankleloop.plotting.style import (
     ordinal_styles,
 )
 
+FAULT = "fault"  # group of the marks of failures and warnings
+LEGEND_PLACES = {MARK: 1, FAULT: 2}  # of groups, behind the series
 # Around the symbol of a mean: some of its trials failed, or came with a warning.
 FAULT_RING: dict[str, Any] = {
     "ls": "",
@@ -31,23 +34,36 @@ FAULT_RING: dict[str, Any] = {
     "mfc": "none",
     "mec": "#666666",
     "mew": 0.5,
+    "zorder": 4,
+    "label": "with failures or warnings",
+    "gid": FAULT,
 }
-FAULT_RING |= {"zorder": 4, "label": "with failures or warnings", "gid": MARK}
-ALL_FAILED = "every trial failed"  # label of a cross at the edge of a panel
-BAND = 0.22  # opacity
+# At an edge of a panel, in the colour of the method: every trial of a mean failed.
+FAILURE_CROSS: dict[str, Any] = {
+    "ls": "",
+    "marker": "x",
+    "ms": 4.5,
+    "zorder": 4,
+    "clip_on": False,
+    "label": "every trial failed",
+    "gid": FAULT,
+}
+# At an edge of a panel, in the colour of the method: the mean lies beyond it.
+ARROW_HEAD: dict[str, Any] = {"ls": "", "ms": 5.0, "mew": 0.0, "zorder": 3, "clip_on": False}
+LEFT_EDGE = 0.02  # place of crosses in panels of symbols
+BAND_OPACITY = 0.22
 NOTE: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": 6.5, "color": "#555555"}
-COLUMNS, HEIGHT = 3, 50.0  # panels side by side, and mm of a row of them
-ROW, SYMBOL = 5.5, 1.3  # mm of a row of symbols, and at least of each symbol in it
-LETTER, HANDLE, ENTRY = (
-    3.8,
-    34.0,
-    4.2,
-)  # of a legend: points of a letter and of the line beside a label, mm of a row
+PANEL_COLUMNS = 3  # panels side by side
+PANEL_HEIGHT = 50.0  # mm of a row of panels
+CONDITION_HEIGHT = 5.5  # mm of a row of symbols
+SYMBOL_HEIGHT = 1.3  # mm, at least, of each symbol in it
+LEGEND_LETTER = 3.8  # points
+LEGEND_HANDLE = 34.0  # points of the line beside a label
+LEGEND_ROW = 4.2  # mm
 MOST_SYMBOLS = 25  # means of a curve that have a symbol each
-DIGITS = (
-    (1.0, 2.0, 5.0),
-    (1.0, 3.0),
-)  # that have a label in each decade, by the room that there is
+MOST_LABELS = 6  # of a logarithmic axis
+# Digits that have a label in each decade, by the room that there is.
+DECADE_DIGITS = ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,))
 # Columns of a table of series that may be missing: ends of the interval, and what came of the trials.
 OPTIONAL = {"low": np.nan, "high": np.nan, "marked": False, "failed": False}
 
@@ -69,18 +85,23 @@ class Panel:
 
 def panel_grid(
     count: int, columns: int, height: float, *, width: float = TWO_COLUMNS, **options: Any
-) -> tuple[DataFigure, np.ndarray]:
-    """Make a figure with panels in rows of a height [mm], and leave the rest of the last row empty.
+) -> DataFigure:
+    """Make a figure with panels in rows of a height [mm]; the rest of the last row is empty.
 
-    `finish` leaves the labels of a shared axis to the outer panels. Returns the panels, shape (count,).
+    `finish` leaves the labels of a shared axis to the outer panels.
     """
     columns = min(columns, count)
     rows = -(-count // columns)
     figure = DataFigure(figsize=(width / 25.4, height * rows / 25.4), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, **options).ravel()
-    for axis in axes[count:]:
-        axis.set_visible(False)
-    return figure, axes[:count]
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
+    for axis in axes.flat[count:]:
+        axis.remove()
+    return figure
+
+
+def curve(panel: str, series: str, x: ArrayLike, value: ArrayLike, **columns: Any) -> pd.DataFrame:
+    """Rows of the table of a figure: a series in a panel, and further columns."""
+    return pd.DataFrame({"panel": panel, "series": series, **columns, "x": x, "value": value})
 
 
 @matplotlib.rc_context(STYLE)
@@ -89,35 +110,30 @@ def draw_panels(
     panels: Mapping[str, Panel],
     styles: Styles | None = None,
     *,
-    columns: int = COLUMNS,
-    height: float = HEIGHT,
+    columns: int = PANEL_COLUMNS,
+    height: float = PANEL_HEIGHT,
     **options: Any,
-) -> tuple[DataFigure, np.ndarray]:
+) -> DataFigure:
     """Draw the curves of a table, `value` against `x` for each `series` of each `panel`, with what `OPTIONAL` has.
 
-    Labels with a low line in front are not in the legend, which `finish` adds. Returns the panels, too.
+    Labels with a low line in front are not in the legend, which `finish` adds.
     """
-    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
-    figure, axes = panel_grid(len(panels), columns, height, **options)
-    rows = table.assign(**{name: value for name, value in OPTIONAL.items() if name not in table})
+    styles = styles or ordinal_styles(table["series"])
+    figure = panel_grid(len(panels), columns, height, **options)
+    rows = table.assign(**{**OPTIONAL, **table})
     parts = dict(list(rows.groupby(["panel", "series"], sort=False)))
     first: dict[str, Axes] = {}  # panel of each quantity
-    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
+    for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
         axis.set(xlabel=panel.xlabel, ylabel=panel.label, title=panel.title)
         if panel.label in first:
             axis.sharey(first[panel.label])
         first.setdefault(panel.label, axis)
-        for number, series in enumerate(dict.fromkeys(table["series"])):
+        for number, series in enumerate(rows["series"].unique()):
             if (name, series) in parts:
-                edge = 0.03 + 0.04 * number
-                _draw_curve(
-                    axis,
-                    parts[name, series],
-                    styles[series.lstrip("_")],
-                    series,
-                    edge,
-                    joined=panel.joined,
-                )
+                part = parts[name, series]
+                style = styles[series.lstrip("_")]
+                cross_height = 0.03 + 0.04 * number
+                _draw_curve(axis, part, style, cross_height, joined=panel.joined)
         if panel.truth is not None:
             axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=1.5)
         if panel.limits:
@@ -125,7 +141,7 @@ def draw_panels(
         for direction in panel.log:
             set_logarithmic(axis, direction)
     figure.data = name_quantities(table, panels)
-    return figure, axes
+    return figure
 
 
 @matplotlib.rc_context(STYLE)
@@ -141,73 +157,56 @@ def estimates_figure(
     Intervals are from `low` to `high`, or `margin` around the value. Arrow heads stand for values beyond the limits.
     `levels` are further lines in all panels, by their labels, with their looks.
     """
-    styles = styles or ordinal_styles(dict.fromkeys(table["series"]))
+    styles = styles or ordinal_styles(table["series"])
     if "margin" in table:
-        table = table.assign(
-            low=table["value"] - table["margin"], high=table["value"] + table["margin"]
-        )
-    table = table.rename(columns={"fault": "marked"})
-    names, series = list(dict.fromkeys(table["row"])), list(dict.fromkeys(table["series"]))
-    shift = 0.8 / max(5, len(series)) * (np.arange(len(series)) - 0.5 * (len(series) - 1))
-    rows = table.assign(**{name: value for name, value in OPTIONAL.items() if name not in table})
-    rows["height"] = rows["row"].map(names.index) + rows["series"].map(
-        dict(zip(series, shift, strict=True))
-    )
-    alike = len({(panel.label, panel.limits) for panel in panels.values()}) == 1
-    height = max(ROW, SYMBOL * len(series)) * len(names) + 14.0
-    figure, axes = panel_grid(len(panels), COLUMNS, height, sharex=alike, sharey=True)
-    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
-        axis.set(
-            xlabel=panel.label, xlim=panel.limits, title=panel.title, ylim=(len(names) - 0.5, -0.5)
-        )
-        axis.set_yticks(range(len(names)), names)
+        low = table["value"] - table["margin"]
+        high = table["value"] + table["margin"]
+        table = table.assign(low=low, high=high)
+    rows = table.assign(**{**OPTIONAL, **table})
+    condition, conditions = pd.factorize(rows["row"])
+    number, series = pd.factorize(rows["series"])
+    distance = 0.8 / max(5, len(series))
+    rows["height"] = condition + distance * (number - 0.5 * (len(series) - 1))
+    same_axes = len({(panel.label, panel.limits) for panel in panels.values()}) == 1
+    height = max(CONDITION_HEIGHT, SYMBOL_HEIGHT * len(series)) * len(conditions) + 14.0
+    figure = panel_grid(len(panels), PANEL_COLUMNS, height, sharex=same_axes, sharey=True)
+    for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
+        axis.set(xlabel=panel.label, xlim=panel.limits, title=panel.title)
+        axis.set_ylim(len(conditions) - 0.5, -0.5)
+        axis.set_yticks(range(len(conditions)), conditions)
         for label, part in rows[rows["panel"] == name].groupby("series", sort=False):
-            _draw_symbols(
-                axis, part, panel.limits or (-np.inf, np.inf), styles[str(label)], str(label)
-            )
-        truth = {} if panel.truth is None else {"true value": (panel.truth, REFERENCE_LINE)}
-        for label, (value, look) in {**(levels or {}), **truth}.items():
+            _draw_symbols(axis, part, styles[str(label)], panel.limits or (-np.inf, np.inf))
+        lines = dict(levels or {})
+        if panel.truth is not None:
+            lines["true value"] = (panel.truth, REFERENCE_LINE)
+        for label, (value, look) in lines.items():
             axis.axvline(value, label=label, **{"zorder": 1.5, **look})
         if panel.log:
-            set_logarithmic(axis)
+            set_logarithmic(axis, "x")
     figure.data = name_quantities(table, panels)
     return finish(figure)
 
 
 def _draw_symbols(
-    axis: Axes, rows: pd.DataFrame, limits: tuple[float, float], style: MethodStyle, label: str
+    axis: Axes, rows: pd.DataFrame, style: MethodStyle, limits: tuple[float, float]
 ) -> None:
     """Symbols and intervals of a series; arrow heads at the limits of the panel for what is beyond."""
     low, high = limits
-    value, heights = rows["value"].to_numpy(float), rows["height"].to_numpy()
+    value = rows["value"].to_numpy(float)
+    heights = rows["height"].to_numpy()
     axis.hlines(heights, rows["low"], rows["high"], color=style.colour, lw=0.9, zorder=2)
-    axis.plot(
-        np.where((value < low) | (value > high), np.nan, value),
-        heights,
-        **style.symbol,
-        ls="",
-        label=label,
-    )
-    arrow: dict[str, Any] = {
-        "color": style.colour,
-        "ls": "",
-        "ms": 5.0,
-        "mew": 0.0,
-        "clip_on": False,
-        "zorder": 3,
-    }
-    for beyond, edge, marker in (
-        (value < low, low, 8),
-        (value > high, high, 9),
-    ):  # carets, their tips at the edge
+    inside = np.where((value < low) | (value > high), np.nan, value)
+    axis.plot(inside, heights, **style.symbol, ls="", label=rows["series"].iloc[0])
+    # Carets, their tips at the edge.
+    for beyond, edge, marker in ((value < low, low, 8), (value > high, high, 9)):
         if beyond.any():
-            axis.plot(np.full(beyond.sum(), edge), heights[beyond], marker=marker, **arrow)
-    marked, failed = rows["marked"].to_numpy(bool), rows["failed"].to_numpy(bool)
-    draw_marks(axis, value.clip(low, high), heights, marked, failed, style.colour, edge=None)
+            edges = np.full(beyond.sum(), edge)
+            axis.plot(edges, heights[beyond], marker=marker, color=style.colour, **ARROW_HEAD)
+    _draw_marks(axis, rows, value.clip(low, high), heights, style.colour)
 
 
 def _draw_curve(
-    axis: Axes, rows: pd.DataFrame, style: MethodStyle, label: str, edge: float, *, joined: bool
+    axis: Axes, rows: pd.DataFrame, style: MethodStyle, cross_height: float, *, joined: bool
 ) -> None:
     """A curve with its band, or symbols with bars; marks of failures, those of lost means at a height in the panel."""
     x, value, low, high = (rows[name].to_numpy(float) for name in ("x", "value", "low", "high"))
@@ -216,49 +215,36 @@ def _draw_curve(
         look = {**style.symbol, "ls": ""}
         axis.vlines(x, low, high, color=style.colour, lw=0.9)
     elif np.isfinite(low).any():
-        axis.fill_between(x, low, high, color=style.colour, alpha=BAND, lw=0)
-    axis.plot(x, value, **look, label=label)
-    draw_marks(
-        axis,
-        x,
-        value,
-        rows["marked"].to_numpy(bool),
-        rows["failed"].to_numpy(bool),
-        style.colour,
-        edge,
-    )
+        axis.fill_between(x, low, high, color=style.colour, alpha=BAND_OPACITY, lw=0)
+    axis.plot(x, value, **look, label=rows["series"].iloc[0])
+    _draw_marks(axis, rows, x, value, style.colour, cross_height)
 
 
-def draw_marks(
+def _draw_marks(
     axis: Axes,
+    rows: pd.DataFrame,
     x: np.ndarray,
     y: np.ndarray,
-    marked: np.ndarray,
-    failed: np.ndarray,
     colour: str,
-    edge: float | None,
+    cross_height: float | None = None,
 ) -> None:
-    """Draw rings around means with failures or warnings, and crosses at an edge of a panel where every trial failed.
+    """Rings around means with failures or warnings, and crosses where every trial failed.
 
-    The edge is the lower one, where the crosses have a height in the panel, or without a height the left one.
-    Shapes: x, y, marked, failed (N,).
+    The crosses are at a height in the panel, or without a height at its left edge. Shapes: x, y (N,), as the rows.
     """
-    marked = marked & np.isfinite(y) & np.isfinite(x)
+    marked = rows["marked"].to_numpy(bool) & np.isfinite(y) & np.isfinite(x)
     if marked.any():
         axis.plot(x[marked], y[marked], **FAULT_RING)
-    if failed.any():
-        cross: dict[str, Any] = {
-            "marker": "x",
-            "ms": 4.5,
-            "ls": "",
-            "color": colour,
-            "zorder": 4,
-            "clip_on": False,
-        }
-        near = np.full(failed.sum(), 0.02 if edge is None else edge)
-        places = (near, y[failed]) if edge is None else (x[failed], near)
-        transform = axis.get_yaxis_transform() if edge is None else axis.get_xaxis_transform()
-        axis.plot(*places, transform=transform, label=ALL_FAILED, **cross)
+    failed = rows["failed"].to_numpy(bool)
+    if not failed.any():
+        return
+    cross = {**FAILURE_CROSS, "color": colour}
+    if cross_height is None:
+        left = np.full(failed.sum(), LEFT_EDGE)
+        axis.plot(left, y[failed], transform=axis.get_yaxis_transform(), **cross)
+    else:
+        heights = np.full(failed.sum(), cross_height)
+        axis.plot(x[failed], heights, transform=axis.get_xaxis_transform(), **cross)
 
 
 def note_lowest(axis: Axes, lowest: float) -> None:
@@ -267,63 +253,60 @@ def note_lowest(axis: Axes, lowest: float) -> None:
         axis.annotate(f"lowest mean: {lowest:.4g}", (0.03, 0.03), **NOTE)
 
 
-def set_logarithmic(axis: Axes, direction: str = "x", room: int = 6) -> None:
+def set_logarithmic(axes: Axes, direction: str) -> None:
     """Logarithmic scale of what is drawn, with numbers instead of powers, as many as there is room for."""
-    axis.set(**{f"{direction}scale": "log"})
-    scale, (low, high) = (
-        (axis.xaxis, axis.get_xlim()) if direction == "x" else (axis.yaxis, axis.get_ylim())
-    )
+    axes.set(**{f"{direction}scale": "log"})
+    axis = getattr(axes, f"{direction}axis")
+    low, high = axis.get_view_interval()
     decades = np.log10(high / low)
-    scale.set_major_locator(
-        LogLocator(subs=next((part for part in DIGITS if len(part) * decades < room), (1.0,)))
-    )
-    scale.set_major_formatter("{x:g}")
-    scale.set_minor_formatter("")
+    fitting = (digits for digits in DECADE_DIGITS if len(digits) * decades < MOST_LABELS)
+    axis.set_major_locator(LogLocator(subs=next(fitting, DECADE_DIGITS[-1])))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter("")
 
 
 def split_label(label: str) -> tuple[str, str]:
     """Split the label of an axis into the quantity and its unit."""
-    quantity, bracket, unit = label.replace("\n", " ").rpartition(" [")
-    return (quantity, unit.rstrip("]")) if bracket else (label, "")
+    quantity, _, unit = label.replace("\n", " ").partition(" [")
+    return quantity, unit.rstrip("]")
 
 
 def name_quantities(table: pd.DataFrame, panels: Mapping[str, Panel]) -> pd.DataFrame:
     """What is drawn as a table for readers: each row with the quantity, the unit and the title of its panel."""
-    table = table[table["panel"].isin(panels)].reset_index(drop=True)
-    facts = {
-        name: (*split_label(panel.label), panel.title.replace("\n", " "), panel.xlabel, panel.truth)
-        for name, panel in panels.items()
-    }
-    columns = ["quantity", "unit", "panel", "against", "true_value"]
-    names = pd.DataFrame([facts[name] for name in table["panel"]], columns=columns)
-    own = table.assign(series=table["series"].str.lstrip("_")).drop(columns="panel")
-    return names.join(own)
+    facts = pd.DataFrame(
+        [
+            (*split_label(panel.label), panel.title.replace("\n", " "), panel.xlabel, panel.truth)
+            for panel in panels.values()
+        ],
+        index=list(panels),
+        columns=["quantity", "unit", "panel", "against", "true_value"],
+    )
+    shown = table[table["panel"].isin(panels)].reset_index(drop=True)
+    names = facts.loc[shown["panel"]].reset_index(drop=True)
+    return names.join(shown.assign(series=shown["series"].str.lstrip("_")).drop(columns="panel"))
 
 
 @matplotlib.rc_context(STYLE)
 def finish(figure: DataFigure) -> DataFigure:
     """Leave the labels of shared axes to the outer panels, and add the legend."""
-    shown = {axis: axis.get_subplotspec() for axis in figure.axes if axis.get_visible()}
-    places = {
-        (spec.rowspan.start, spec.colspan.start): axis for axis, spec in shown.items() if spec
-    }
-    labels = {axis: (axis.get_xlabel(), axis.get_ylabel()) for axis in shown}
+    places = {}
+    for axis in figure.axes:
+        place = axis.get_subplotspec()  # a colour bar has none
+        if place:
+            places[place.rowspan.start, place.colspan.start] = axis
+    labels = {axis: (axis.get_xlabel(), axis.get_ylabel()) for axis in places.values()}
     for (row, column), axis in places.items():
-        left, below = places.get((row, column - 1)), places.get((row + 1, column))
-        if (
-            left
-            and axis.get_shared_y_axes().joined(axis, left)
-            and labels[left][1] == labels[axis][1]
-        ):
+        xlabel, ylabel = labels[axis]
+        left = places.get((row, column - 1))
+        if left and labels[left][1] == ylabel and axis.get_shared_y_axes().joined(axis, left):
             axis.set_ylabel("")
             axis.tick_params(labelleft=False)
-        inner = (
-            below
-            and axis.get_shared_x_axes().joined(axis, below)
-            and labels[below][0] == labels[axis][0]
-        )
-        axis.tick_params(labelbottom=not inner)
-        axis.set_xlabel("" if inner else axis.get_xlabel())
+        below = places.get((row + 1, column))
+        if below and labels[below][0] == xlabel and axis.get_shared_x_axes().joined(axis, below):
+            axis.set_xlabel("")
+            axis.tick_params(labelbottom=False)
+        else:  # also where the panels below are hidden
+            axis.tick_params(labelbottom=True)
     add_legend(figure)
     return figure
 
@@ -331,20 +314,17 @@ def finish(figure: DataFigure) -> DataFigure:
 def add_legend(figure: DataFigure) -> None:
     """Put the entries of all lines below the panels, as many in a row as fit: each label once, those of marks last."""
     lines: dict[str, Line2D] = {}
-    for line in (line for axis in figure.axes for line in axis.get_lines()):
-        lines.setdefault(str(line.get_label()), line)
-    names = sorted((name for name in lines if name[0] != "_"), key=lambda name: _rank(lines[name]))
-    if names:
-        entry = LETTER * max(map(len, names)) + HANDLE
-        columns = max(1, min(len(names), int(72.0 * figure.get_figwidth() / entry)))
-        figure.set_figheight(figure.get_figheight() + ENTRY / 25.4 * -(-len(names) // columns))
-        figure.legend(
-            [lines[name] for name in names], names, loc="outside lower center", ncols=columns
-        )
-
-
-def _rank(line: Line2D) -> int:
-    """Place of an entry in a legend: series, other marks, marks of failures."""
-    return (
-        2 if line.get_label() in (FAULT_RING["label"], ALL_FAILED) else int(line.get_gid() == MARK)
-    )
+    for axis in figure.axes:
+        for line in axis.get_lines():
+            label = str(line.get_label())
+            if not label.startswith("_"):
+                lines.setdefault(label, line)
+    if not lines:
+        return
+    shown = sorted(lines.values(), key=lambda line: LEGEND_PLACES.get(line.get_gid() or "", 0))
+    letters = max(map(len, lines))
+    room = 72.0 * figure.get_figwidth() / (LEGEND_LETTER * letters + LEGEND_HANDLE)
+    columns = max(1, min(len(lines), int(room)))
+    rows = -(-len(lines) // columns)
+    figure.set_figheight(figure.get_figheight() + LEGEND_ROW / 25.4 * rows)
+    figure.legend(handles=shown, loc="outside lower center", ncols=columns)

@@ -11,20 +11,27 @@ import pandas as pd
 
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.models import ResponseModel
-from ankleloop.plotting.panels import Panel, Styles, draw_panels, finish
-from ankleloop.plotting.studies import estimates_figure
-from ankleloop.plotting.style import REFERENCE_LINE, DataFigure, MethodStyle, method_styles
+from ankleloop.plotting.panels import Panel, Styles, curve, draw_panels, estimates_figure, finish
+from ankleloop.plotting.style import (
+    REFERENCE_LINE,
+    DataFigure,
+    MethodStyle,
+    estimate_styles,
+    method_styles,
+)
 from ankleloop.quantities import QUANTITIES
 
 if TYPE_CHECKING:
     from ankleloop.assessment.residuals import ResidualTest
     from ankleloop.joint.estimate import Estimate
 
-LONGEST = 0.4  # s of impulse responses
-FREQUENCIES = np.geomspace(0.2, 38.0, 200)  # Hz of Bode diagrams
+LONGEST_RESPONSE = 0.4  # s
+RESPONSE_RATE = 1e3  # Hz
+BODE_FREQUENCIES = np.geomspace(0.2, 38.0, 200)  # Hz
 MARGIN = 0.08  # of the range of the values that are shown, at either side
-FREQUENCY, COHERENCE = "frequency [Hz]", "squared coherence [1]"
-SAMPLES = "samples"  # of the reflex response
+FREQUENCY = "frequency [Hz]"
+COHERENCE = "squared coherence [1]"
+PER_SAMPLE = {"ls": "", "marker": ".", "ms": 2.5, "mew": 0.0}  # look of a reflex response
 SIGNAL = MethodStyle("#444444", "")
 SPECTRA = {  # panel, legend and style of each
     "position": ("position [rad²/Hz]", "_position", SIGNAL),
@@ -51,84 +58,71 @@ MODEL_PANELS = {
 
 def spectra_figure(spectra: Mapping[str, np.ndarray]) -> DataFigure:
     """Power spectra of position and torque, and their coherence."""
-    shown = {name: SPECTRA[name] for name in SPECTRA if name in spectra}
-    panels = {label: Panel(label, xlabel=FREQUENCY, log="xy") for label, *_ in shown.values()}
-    panels |= {COHERENCE: Panel(COHERENCE, limits=(0.0, 1.02), xlabel=FREQUENCY, log="x")}
-    styles = {series.lstrip("_"): style for _, series, style in shown.values()}
-    parts = [
-        pd.DataFrame(
-            {"panel": label, "series": series, "x": spectra["frequency"], "value": spectra[name]}
-        )
-        for name, (label, series, _) in shown.items()
-    ]
-    return finish(draw_panels(pd.concat(parts), panels, styles, height=48.0)[0])
+    panels = {}
+    parts = []
+    styles = {}
+    for name, (label, series, style) in SPECTRA.items():
+        if name in spectra:
+            panels[label] = Panel(label, xlabel=FREQUENCY, log="xy")
+            parts.append(curve(label, series, spectra["frequency"], spectra[name]))
+            styles[series.lstrip("_")] = style
+    panels[COHERENCE] = Panel(COHERENCE, limits=(0.0, 1.02), xlabel=FREQUENCY, log="x")
+    return finish(draw_panels(pd.concat(parts), panels, styles, height=48.0))
 
 
-def model_figure(estimates: Mapping[str, Estimate], *, styles: Styles | None = None) -> DataFigure:
+def model_figure(estimates: Mapping[str, Estimate]) -> DataFigure:
     """Models of several methods: impulse responses, Bode diagrams, and the nonlinearity of the reflex.
 
     The first panel has the responses of methods that are not parametric, else the phase of the parametric models.
     """
-    styles = styles or method_styles(
-        {label: estimate.method for label, estimate in estimates.items()}
-    )
-    parts = [
-        pd.DataFrame(
-            {"panel": panel, "series": "_" * (panel == "response") + label, "x": x, "value": value}
-        )
-        for label, estimate in estimates.items()
-        for panel, (x, value) in _list_curves(estimate).items()
-    ]
+    styles = estimate_styles(estimates)
+    parts = []
+    for label, estimate in estimates.items():
+        parts += _list_curves(label, estimate)
+        styles[f"{label}, per sample"] = replace(styles[label], more=PER_SAMPLE)
     table = pd.concat(parts)
-    points = table["panel"] == SAMPLES
-    table.loc[points, "series"] = "_" + table.loc[points, "series"] + ", per sample"
-    look = {"ls": "", "marker": ".", "ms": 2.5, "mew": 0.0}
-    per_sample = {
-        f"{label}, per sample": replace(style, more=look) for label, style in styles.items()
-    }
     hidden = "phase" if "response" in set(table["panel"]) else "response"
     panels = {name: panel for name, panel in MODEL_PANELS.items() if name != hidden}
-    table["panel"] = table["panel"].replace(SAMPLES, "reflex response")
-    return finish(draw_panels(table, panels, {**styles, **per_sample}, height=52.0)[0])
+    return finish(draw_panels(table, panels, styles, height=52.0))
 
 
-def _list_curves(estimate: Estimate) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Abscissae and ordinates of a model by their panels; those of the reflex are after its delay."""
-    details, values, s = estimate.diagnostics, estimate.reflex, 2j * np.pi * FREQUENCIES
-    response = (
-        estimate.stiffness["K"] + estimate.stiffness["B"] * s + estimate.stiffness["I"] * s**2
-    )
-    curves = {"phase": (FREQUENCIES, _phase(response)), "gain": (FREQUENCIES, np.abs(response))}
+def _list_curves(label: str, estimate: Estimate) -> list[pd.DataFrame]:
+    """Curves of a model; those of the reflex are after its delay."""
+    s = 2j * np.pi * BODE_FREQUENCIES
+    stiffness = estimate.stiffness
+    response = stiffness["K"] + stiffness["B"] * s + stiffness["I"] * s**2
+    curves = [
+        curve("phase", label, BODE_FREQUENCIES, _phase(response)),
+        curve("gain", label, BODE_FREQUENCIES, np.abs(response)),
+    ]
     model = estimate.predictor
     if isinstance(model, ResponseModel):
-        curves["response"] = model.lags()["intrinsic_lag"].values, model.intrinsic
-    if details.get("nonlinearity") is not None:
-        curves["nonlinearity"] = (
-            details["nonlinearity"]["velocity"],
-            details["nonlinearity"]["torque"],
-        )
-    if "omega_n" in values:
-        dynamics = ReflexDynamics(values["omega_n"], values["zeta"], values.get("pole"))
-        low_pass = dynamics.response(s)[0]
-        curves |= {
-            "reflex gain": (FREQUENCIES, np.abs(low_pass)),
-            "reflex phase": (FREQUENCIES, _phase(low_pass)),
-        }
-        time = np.arange(0.0, LONGEST, 1e-3)
-        samples = (
-            np.fft.irfft(dynamics.response(2j * np.pi * np.fft.rfftfreq(4096, 1e-3))[0])[
-                : time.size
-            ]
-            * 1e3
-        )
-        curves["reflex response"] = values["delay"] + time, samples
-    if "omega_n" in values and isinstance(model, ResponseModel):
+        lags = model.lags()["intrinsic_lag"].values
+        curves.append(curve("response", f"_{label}", lags, model.intrinsic))
+    nonlinearity = estimate.diagnostics.get("nonlinearity")
+    if nonlinearity is not None:
+        velocity = nonlinearity["velocity"]
+        curves.append(curve("nonlinearity", label, velocity, nonlinearity["torque"]))
+    reflex = estimate.reflex
+    if "omega_n" not in reflex:
+        return curves
+    dynamics = ReflexDynamics(reflex["omega_n"], reflex["zeta"], reflex.get("pole"))
+    low_pass = dynamics.response(s)[0]
+    time = np.arange(0.0, LONGEST_RESPONSE, 1.0 / RESPONSE_RATE)
+    frequencies = np.fft.rfftfreq(4096, 1.0 / RESPONSE_RATE)
+    samples = np.fft.irfft(dynamics.response(2j * np.pi * frequencies)[0])[: time.size]
+    curves += [
+        curve("reflex gain", label, BODE_FREQUENCIES, np.abs(low_pass)),
+        curve("reflex phase", label, BODE_FREQUENCIES, _phase(low_pass)),
+        curve("reflex response", label, reflex["delay"] + time, samples * RESPONSE_RATE),
+    ]
+    if isinstance(model, ResponseModel):
         lags = model.lags()["reflex_lag"].values
-        window = lags < LONGEST
-        curves[SAMPLES] = (
-            values["delay"] + lags[window],
-            model.reflex[window] / values["G"] / (lags[1] - lags[0]),
-        )
+        shown = lags < LONGEST_RESPONSE
+        unit_gain = model.reflex / reflex["G"] / (lags[1] - lags[0])
+        times = reflex["delay"] + lags[shown]
+        series = f"_{label}, per sample"
+        curves.append(curve("reflex response", series, times, unit_gain[shown]))
     return curves
 
 
@@ -149,22 +143,16 @@ def residual_figure(
     }
     parts = []
     for label, test in tests.items():
-        for panel, x in (("density", test.frequency), ("correlation", test.lags)):
-            parts.append(
-                pd.DataFrame(
-                    {"panel": panel, "series": label, "x": x, "value": getattr(test, panel)}
-                )
-            )
-    figure, axes = draw_panels(pd.concat(parts), panels, styles, columns=2, height=55.0)
+        parts.append(curve("density", label, test.frequency, test.density))
+        parts.append(curve("correlation", label, test.lags, test.correlation))
+    figure = draw_panels(pd.concat(parts), panels, styles, columns=2, height=55.0)
     limit = next(iter(tests.values())).limit
     for level in (-limit, limit):
-        axes[1].axhline(level, **REFERENCE_LINE, label="99 % of unrelated ones")
+        figure.axes[1].axhline(level, **REFERENCE_LINE, label="99 % of unrelated ones")
     return finish(figure)
 
 
-def recordings_figure(
-    table: pd.DataFrame, names: Sequence[str], *, styles: Styles | None = None
-) -> DataFigure:
+def recordings_figure(table: pd.DataFrame, names: Sequence[str]) -> DataFigure:
     """Parameters of all recordings with their 95 % intervals: a panel for each, a row for a recording.
 
     A ring marks estimates with a warning. They may be anywhere: the axes are those of the others, and arrow heads
@@ -172,28 +160,25 @@ def recordings_figure(
     """
     rows = table.apply(_name_recording, axis="columns")
     trusted = table["trusted"].eq(True)
-    parts, panels = [], {}
+    parts = []
+    panels = {}
     for name in names:
-        ends = {
-            end: table.get(f"{name}_{end}", pd.Series(np.nan, table.index))
-            for end in ("low", "high")
-        }
-        part = pd.DataFrame(
-            {"panel": name, "row": rows, "series": table["label"], "value": table[name], **ends}
-        )
-        parts.append(part.assign(fault=~trusted & table[name].notna()))
-        shown = part.loc[trusted if trusted.any() else ~trusted, ["value", "low", "high"]]
-        low, high = shown.min(axis=None), shown.max(axis=None)
+        values = table.reindex(columns=[name, f"{name}_low", f"{name}_high"])
+        values = values.set_axis(["value", "low", "high"], axis="columns")
+        part = pd.DataFrame({"panel": name, "row": rows, "series": table["label"], **values})
+        parts.append(part.assign(marked=~trusted & table[name].notna()))
+        shown = values[trusted if trusted.any() else ~trusted]
+        low = shown.min(axis=None)
+        high = shown.max(axis=None)
         margin = MARGIN * (high - low) or MARGIN * abs(high) or 1.0
-        panels[name] = Panel(
-            QUANTITIES[name].label,
-            limits=(low - margin, high + margin) if np.isfinite(high) else None,
-        )
-    return estimates_figure(pd.concat(parts, ignore_index=True), panels, styles=styles)
+        limits = (low - margin, high + margin) if np.isfinite(high) else None
+        panels[name] = Panel(QUANTITIES[name].label, limits=limits)
+    return estimates_figure(pd.concat(parts, ignore_index=True), panels)
 
 
 def _name_recording(row: pd.Series) -> str:
     """Name of a recording, with subject and condition where the table has them."""
-    groups = [str(row[name]) for name in ("subject", "condition") if pd.notna(row.get(name))]
-    named = ", ".join(name for name in groups if name not in ("", "–"))
-    return f"{row['recording']} ({named})" if named else str(row["recording"])
+    name = str(row["recording"])
+    known = [str(row[key]) for key in ("subject", "condition") if pd.notna(row.get(key))]
+    group = ", ".join(text for text in known if text not in ("", "–"))
+    return f"{name} ({group})" if group else name

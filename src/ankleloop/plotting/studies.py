@@ -9,9 +9,10 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.plotting.panels import (
-    COLUMNS,
+    PANEL_COLUMNS,
     Panel,
     Styles,
+    curve,
     draw_panels,
     estimates_figure,
     finish,
@@ -26,7 +27,8 @@ from ankleloop.plotting.style import (
     MethodStyle,
 )
 
-RATIO, LIMITS = "rms error over the bound [1]", (0.7, 50.0)  # and its axis
+RATIO_LIMITS = (0.7, 50.0)  # of the axis of errors over the bound
+ORDERS = 10  # singular values that are drawn
 
 
 def curves_figure(
@@ -45,21 +47,20 @@ def curves_figure(
     lower edge of the panel. Panels of the same quantity share their ordinate. What lies above a level is also shown on
     a scale of its own, in panels on top of the others.
     """
-    panels = {name: replace(panel, xlabel=xlabel, log="x" * log) for name, panel in panels.items()}
-    columns = min(COLUMNS, len(panels))
+    direction = "x" if log else ""
+    panels = {name: replace(panel, xlabel=xlabel, log=direction) for name, panel in panels.items()}
+    columns = min(PANEL_COLUMNS, len(panels))
     if above is not None:
         upper = {}
         for name, panel in panels.items():
-            label, limits = (
-                panel.label.replace(" [", f" above {above:g} ["),
-                (above, (panel.limits or (0.0, 100.0))[1]),
-            )
-            upper[f"upper {name}"] = replace(panel, label=label, limits=limits)
+            label = panel.label.replace(" [", f" above {above:g} [")
+            _, top = panel.limits or (0.0, 100.0)
+            upper[f"upper {name}"] = replace(panel, label=label, limits=(above, top))
         panels = {**upper, **panels}
         table = pd.concat([table.assign(panel="upper " + table["panel"]), table], ignore_index=True)
     width = ONE_COLUMN if len(panels) == 1 else TWO_COLUMNS
-    figure, axes = draw_panels(table, panels, styles, columns=columns, width=width, sharex=True)
-    for axis, (name, panel) in zip(axes, panels.items(), strict=True):
+    figure = draw_panels(table, panels, styles, columns=columns, width=width, sharex=True)
+    for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
         if panel.limits and panel.limits[0] != above:
             note_lowest(axis, table.loc[table["panel"] == name, "value"].min())
     return finish(figure)
@@ -67,11 +68,17 @@ def curves_figure(
 
 def ratio_figure(table: pd.DataFrame, *, limit: float, styles: Styles | None = None) -> DataFigure:
     """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a symbol for a method."""
-    titles = {name: name.replace(", ", ",\n", 1) for name in table["panel"]}
-    panels = {name: Panel(RATIO, title, limits=LIMITS, log="x") for name, title in titles.items()}
+    panels = {}
+    for name in table["panel"].unique():
+        title = name.replace(", ", ",\n", 1)
+        panels[name] = Panel(
+            "rms error over the bound [1]", title=title, limits=RATIO_LIMITS, log="x"
+        )
     levels = {"the bound": (1.0, TRUE.line), f"{limit:g} times the bound": (limit, REFERENCE_LINE)}
-    table = table.filter(["panel", "row", "series", "fault", "failed"]).assign(value=table["ratio"])
-    return estimates_figure(table, panels, levels=levels, styles=styles)
+    shown = table.filter(["panel", "row", "series", "marked", "failed"])
+    return estimates_figure(
+        shown.assign(value=table["ratio"]), panels, levels=levels, styles=styles
+    )
 
 
 def traces_figure(
@@ -84,52 +91,49 @@ def traces_figure(
     parts = []
     panels: dict[str, Panel] = {}
     for name, (label, truth) in truths.items():
-        settled = np.concatenate(
-            [[truth], *(trace[name][trace["time"] >= settling] for trace in traces.values())]
-        )
-        low, high = float(settled.min()), float(settled.max())
-        limits = low - 0.2 * (high - low), high + 0.2 * (high - low)
+        settled = [trace[name][trace["time"] >= settling] for trace in traces.values()]
+        values = np.concatenate([[truth], *settled])
+        margin = 0.2 * np.ptp(values)
         for condition, trace in traces.items():
-            title = "" if panels and name != next(iter(truths)) else condition.replace(", ", ",\n")
-            panels[f"{name} {condition}"] = Panel(label, title, truth, limits, "time [s]")
-            columns = {"condition": condition, "x": trace["time"], "value": trace[name]}
-            parts.append(
-                pd.DataFrame({"panel": f"{name} {condition}", "series": "estimate", **columns})
+            panel = f"{name} {condition}"
+            panels[panel] = Panel(
+                label,
+                title=condition.replace(", ", ",\n") if name == next(iter(truths)) else "",
+                truth=truth,
+                limits=(values.min() - margin, values.max() + margin),
+                xlabel="time [s]",
             )
-    styles = {"estimate": replace(style, more={"lw": 0.9})}
-    return finish(
-        draw_panels(
-            pd.concat(parts), panels, styles, columns=len(traces), height=34.0, sharex=True
-        )[0]
+            parts.append(curve(panel, "estimate", trace["time"], trace[name], condition=condition))
+    figure = draw_panels(
+        pd.concat(parts),
+        panels,
+        {"estimate": replace(style, more={"lw": 0.9})},
+        columns=len(traces),
+        height=34.0,
+        sharex=True,
     )
+    return finish(figure)
 
 
 def order_figure(
-    singular_values: Mapping[str, Sequence[np.ndarray]],
-    *,
-    order: float,
-    styles: Styles,
-    largest: int = 10,
+    singular_values: Mapping[str, Sequence[np.ndarray]], *, order: float, styles: Styles
 ) -> DataFigure:
     """Singular values that show the order, of every trial and method."""
-    panels, parts, looks = {}, [], {}
+    panels = {}
+    parts = []
+    looks = {}
     for label, trials in singular_values.items():
         panels[label] = Panel(
-            "singular value over the first [1]", label, xlabel="number [1]", log="y"
+            "singular value over the first [1]", title=label, xlabel="number [1]", log="y"
         )
+        look = replace(styles[label], more={"ms": 2.2, "mew": 0.5, "lw": 0.5, "alpha": 0.6})
         for trial, values in enumerate(trials):
-            looks[f"{label} {trial}"] = replace(
-                styles[label], more={"ms": 2.2, "mew": 0.5, "lw": 0.5, "alpha": 0.6}
-            )
-            relative = np.asarray(values)[:largest] / values[0]
-            columns = {
-                "series": f"_{label} {trial}",
-                "x": np.arange(1, relative.size + 1),
-                "value": relative,
-            }
-            parts.append(pd.DataFrame({"panel": label, **columns}))
-    figure, axes = draw_panels(pd.concat(parts), panels, looks, columns=len(panels), height=52.0)
-    for axis in axes:
+            name = f"{label} {trial}"
+            looks[name] = look
+            relative = np.asarray(values)[:ORDERS] / values[0]
+            parts.append(curve(label, f"_{name}", np.arange(1, relative.size + 1), relative))
+    figure = draw_panels(pd.concat(parts), panels, looks, columns=len(panels), height=52.0)
+    for axis in figure.axes:
         axis.axvline(order + 0.5, **REFERENCE_LINE)
-        axis.set_xticks(range(1, largest + 1))
+        axis.set_xticks(range(1, ORDERS + 1))
     return finish(figure)

@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from ankleloop.trials.files import atomic_file, write_csv
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from ankleloop.joint.estimate import Estimate
 
 # Widths of figures [mm], as journals set one and two columns.
 ONE_COLUMN = 88.0
@@ -130,29 +133,34 @@ def method_styles(algorithms: Mapping[str, str]) -> dict[str, MethodStyle]:
         change, filled, dashes = VARIANTS[used[method] % len(VARIANTS)]
         used[method] += 1
         base = METHOD_STYLES.get(method, SPARE)
-        styles[key] = replace(
-            base, colour=_lighten(base.colour, change), filled=filled, dashes=dashes
-        )
+        colour = _lighten(base.colour, change)
+        styles[key] = replace(base, colour=colour, filled=filled, dashes=dashes)
     return styles
 
 
 def _lighten(colour: str, share: float) -> str:
     """A colour mixed with white, or with black where the share is negative."""
-    target = 255 if share > 0 else 0
-    parts = (int(colour[start : start + 2], 16) for start in (1, 3, 5))
-    return "#" + "".join(f"{round(part + abs(share) * (target - part)):02X}" for part in parts)
+    target = float(share > 0)
+    red, green, blue = (part + abs(share) * (target - part) for part in to_rgb(colour))
+    return to_hex((red, green, blue))
+
+
+def estimate_styles(estimates: Mapping[str, Estimate]) -> dict[str, MethodStyle]:
+    """Styles of the methods of some estimates by their labels."""
+    return method_styles({label: estimate.method for label, estimate in estimates.items()})
 
 
 def ordinal_styles(names: Iterable[str]) -> dict[str, MethodStyle]:
     """Styles of series that are no methods, such as values of a parameter: from dark to light."""
-    names = list(names)
-    pitch = (len(ORDINAL_COLOURS) - 1) / (len(names) - 1) if len(names) > 3 else 2
-    return {
-        name: MethodStyle(
-            ORDINAL_COLOURS[round(number * pitch)], ORDINAL_MARKERS[number % len(ORDINAL_MARKERS)]
-        )
-        for number, name in enumerate(names)
-    }
+    series = list(dict.fromkeys(names))
+    pitch = 2.0
+    if len(series) > 3:
+        pitch = (len(ORDINAL_COLOURS) - 1) / (len(series) - 1)
+    styles = {}
+    for number, name in enumerate(series):
+        colour = ORDINAL_COLOURS[round(number * pitch)]
+        styles[name] = MethodStyle(colour, ORDINAL_MARKERS[number % len(ORDINAL_MARKERS)])
+    return styles
 
 
 def label_styles(

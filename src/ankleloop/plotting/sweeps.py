@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby, product
+from types import MappingProxyType
 from typing import Any, Literal
 
 import matplotlib
@@ -15,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis
 from matplotlib.image import AxesImage
 
+from ankleloop.options import as_plain
 from ankleloop.plotting.panels import (
     Panel,
     Styles,
@@ -27,20 +29,21 @@ from ankleloop.plotting.panels import (
 from ankleloop.plotting.style import REFERENCE_LINE, STYLE, DataFigure
 from ankleloop.quantities import point_column
 
-BINS = 10  # of a parameter with more values than are shown one by one
+MOST_BINS = 10  # of a parameter with more values than are shown one by one
 LEAST_DECADE = 5.0  # largest over smallest value, from which on an axis may be logarithmic
-LABEL = 22  # characters of a line of a label
-TITLE = 84  # characters of the titles of all maps in a row
+LABEL_WIDTH = 22  # characters of a line of a label
+TITLES_WIDTH = 84  # characters of the titles of all maps in a row
 MAP_COLUMNS = 4
-PANEL, MAP = 38.0, 40.0  # mm of a row of lines and of maps
-ROOM = 22  # numbers or ticks side by side in all maps of a row
-BOUNDS = {
-    "high": (-100.0, 110.0),
-    "zero": (-200.0, 200.0),
-}  # %, beyond which a value says no more than that it is lost
+LINES_HEIGHT = 38.0  # mm of a row of panels
+MAP_HEIGHT = 40.0  # mm of a row of maps
+MAP_NUMBERS = 22  # numbers or ticks side by side in all maps of a row
+# %, beyond which a value says no more than that it is lost.
+BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}
 FAR = 3.0  # distance from 80 % of the values over their range, from which on a value does not set an axis
 DARK = 0.5  # lightness of a cell from which on its number is black
-EMPTY = "#d5d5d5"  # cells without a mean
+NO_WORDS: Mapping[Any, str] = MappingProxyType({})
+EMPTY_COLOUR = "#d5d5d5"  # of cells without a mean
+CELL_TEXT: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.0}
 COLOUR_BAR: dict[str, Any] = {"aspect": 22, "pad": 0.02, "format": "{x:g}", "extend": "both"}
 
 
@@ -51,23 +54,17 @@ class SweepAxis:
     name: str  # of the setting or option
     label: str  # its name with unit
     values: tuple[Any, ...]
-    words: Mapping[Any, str] = field(
-        default_factory=dict
-    )  # for values that are no numbers, where they have any
+    words: Mapping[Any, str]  # for values that are no numbers, where they have any
 
     @classmethod
     def of(
-        cls, name: str, label: str, values: Iterable[Any], words: Mapping[Any, str] | None = None
+        cls, name: str, label: str, values: Iterable[Any], words: Mapping[Any, str] = NO_WORDS
     ) -> SweepAxis:
         """Axis for the values of all points."""
         distinct = dict.fromkeys(map(_as_value, values))
-        numbers = sorted(value for value in distinct if _is_number(value))
-        return cls(
-            name,
-            label,
-            (*numbers, *(value for value in distinct if not _is_number(value))),
-            words or {},
-        )
+        numbers = sorted(filter(_is_number, distinct))
+        others = [value for value in distinct if not _is_number(value)]
+        return cls(name, label, (*numbers, *others), words)
 
     @property
     def column(self) -> str:
@@ -82,14 +79,13 @@ class SweepAxis:
     @property
     def is_logarithmic(self) -> bool:
         """Whether the values are spaced logarithmically rather than linearly."""
-        if (
-            not self.ordered
-            or len(self.values) < 3
-            or not 0.0 < LEAST_DECADE * self.values[0] <= self.values[-1]
-        ):
+        if not self.ordered or len(self.values) < 3:
             return False
-        linear, ratios = np.diff(self.values), np.diff(np.log(self.values))
-        return bool(ratios.std() / ratios.mean() < linear.std() / linear.mean())
+        if not 0.0 < LEAST_DECADE * self.values[0] <= self.values[-1]:
+            return False
+        differences = np.diff(self.values)
+        ratios = np.diff(np.log(self.values))
+        return bool(ratios.std() / ratios.mean() < differences.std() / differences.mean())
 
     @property
     def description(self) -> str:
@@ -103,13 +99,11 @@ class SweepAxis:
 
     def format(self, value: Any) -> str:
         """A value as a word."""
-        value = _as_value(value)
+        plain = _as_value(value)
+        if _is_number(plain):
+            return f"{plain:.4g}"
         standard = {None: "none", True: "true", False: "false"}
-        return (
-            f"{value:.4g}"
-            if _is_number(value)
-            else self.words.get(value) or standard.get(value) or str(value)
-        )
+        return self.words.get(plain) or standard.get(plain) or str(plain)
 
     def places(self, values: Iterable[Any]) -> np.ndarray:
         """Numbers of values in the list."""
@@ -118,17 +112,16 @@ class SweepAxis:
 
     def bin(self, values: pd.Series) -> pd.Series:
         """Replace many different numbers by the medians of bins with as many points each; few values stay."""
-        if not self.ordered or len(self.values) <= BINS + 2:
+        if not self.ordered or len(self.values) <= MOST_BINS + 2:
             return values
-        return values.groupby(pd.qcut(values, BINS, labels=False, duplicates="drop")).transform(
-            "median"
-        )
+        bins = pd.qcut(values, MOST_BINS, labels=False, duplicates="drop")
+        return values.groupby(bins).transform("median")
 
     def list_values(self, axis: Axis, room: int) -> None:
         """Set label and ticks of an axis that has all values side by side; of many only some are named."""
         is_abscissa = isinstance(axis, XAxis)
         label = self.label if self.ordered else self.heading
-        axis.set_label_text(label if is_abscissa else textwrap.fill(label, LABEL))
+        axis.set_label_text(label if is_abscissa else textwrap.fill(label, LABEL_WIDTH))
         step = -(-len(self.values) // room)
         texts = [self.format(value) for value in self.values[::step]]
         axis.set_ticks(range(0, len(self.values), step), texts)
@@ -137,13 +130,13 @@ class SweepAxis:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return type(value) in (int, float)  # a flag is none
 
 
 def _as_value(value: Any) -> Any:
     """A value of a table as the configuration has it: nan is None, numbers of numpy are numbers."""
-    value = value.item() if isinstance(value, np.generic) else value
-    return None if value is None or value != value else value  # nan
+    plain = as_plain(value)
+    return plain if plain == plain else None  # nan differs from itself
 
 
 @dataclass(frozen=True)
@@ -152,9 +145,8 @@ class SweepPanel:
 
     quantity: str  # panels of a quantity and of its difference stand side by side
     label: str  # its name with unit, the column `panel` of a table
-    desired: Literal["high", "zero", "low"] | None = (
-        None  # what a method should reach; "zero" for a difference
-    )
+    # What a method should reach; "zero" for a difference.
+    desired: Literal["high", "zero", "low"] | None = None
     truth: float | None = None  # true value, where all points have the same
 
     @property
@@ -176,28 +168,29 @@ def lines_figure(
     shown: dict[str, Panel] = {}
     for panel, axis in product(panels, axes):
         rows = table[table["panel"] == panel.label]
-        low, high = value_limits(
-            rows[["value", "low", "high"]].assign(reference=panel.reference), panel.desired
-        )
+        values = rows[["value", "low", "high"]].assign(reference=panel.reference)
+        low, high = value_limits(values, panel.desired)
         margin = 0.06 * (high - low) or 1.0
-        label, limits = textwrap.fill(panel.label, LABEL), (low - margin, high + margin)
-        scale = "x" if axis.is_logarithmic else ""
-        truth = None if panel.desired else panel.truth
         name = f"{panel.label} {axis.name}"
-        shown[name] = Panel(label, "", truth, limits, axis.label, scale, joined=axis.ordered)
-        rows = rows[rows["parameter"] == axis.name]
+        shown[name] = Panel(
+            textwrap.fill(panel.label, LABEL_WIDTH),
+            truth=None if panel.desired else panel.truth,
+            limits=(low - margin, high + margin),
+            xlabel=axis.label,
+            log="x" if axis.is_logarithmic else "",
+            joined=axis.ordered,
+        )
+        own = rows[rows["parameter"] == axis.name]
         if axis.ordered:
-            places = rows["setting"].astype(float)
+            places = own["setting"].astype(float)
         else:  # symbols of several methods side by side
-            places = axis.places(rows["setting"]) + 0.12 * pd.factorize(rows["series"])[0]
-        parts.append(rows.assign(panel=name, x=places).sort_values("x", kind="stable"))
-    several = (
-        {"columns": len(axes), "height": PANEL, "sharex": "col"}
-        if len(axes) > 1
-        else {"sharex": True}
-    )
-    figure, cells = draw_panels(pd.concat(parts), shown, styles, **several)
-    for cell, rows, (panel, axis) in zip(cells, parts, product(panels, axes), strict=True):
+            places = axis.places(own["setting"]) + 0.12 * pd.factorize(own["series"])[0]
+        parts.append(own.assign(panel=name, x=places).sort_values("x", kind="stable"))
+    options: dict[str, Any] = {"sharex": True}
+    if len(axes) > 1:
+        options = {"columns": len(axes), "height": LINES_HEIGHT, "sharex": "col"}
+    figure = draw_panels(pd.concat(parts), shown, styles, **options)
+    for cell, rows, (panel, axis) in zip(figure.axes, parts, product(panels, axes), strict=True):
         if not axis.ordered:
             axis.list_values(cell.xaxis, 6)
             cell.set_xlim(-0.5, len(axis.values) - 0.5)
@@ -216,33 +209,33 @@ def maps_figure(
     The table has a row for each `panel`, `series`, `x` and `y`, with `value` and `marked`. Cells have their means where
     there is room, an asterisk where they are marked, and a cross where no trial has a value.
     """
-    quantities = [list(group) for _, group in groupby(panels, key=lambda panel: panel.quantity)]
-    series = {
-        panel.label: table.loc[table["panel"] == panel.label, "series"].unique() for panel in panels
-    }
-    maps = [
-        [(panel, name) for panel in group for name in series[panel.label]] for group in quantities
-    ]
-    columns = min(MAP_COLUMNS, max(map(len, maps)), max(3, ROOM // len(axes[0].values)))
-    entries = [entry for row in maps for entry in (*row, *[None] * (-len(row) % columns))]
-    figure, cells = panel_grid(len(entries), columns, MAP, sharex=True, sharey=True)
+    maps = []
+    for _, group in groupby(panels, key=lambda panel: panel.quantity):
+        row = []
+        for panel in group:
+            rows = table[table["panel"] == panel.label]
+            row += [(panel, name) for name in rows["series"].unique()]
+        maps.append(row)
+    columns = min(MAP_COLUMNS, max(map(len, maps)), max(3, MAP_NUMBERS // len(axes[0].values)))
+    room = MAP_NUMBERS // columns
+    entries: list[tuple[SweepPanel, str] | None] = []
+    for row in maps:
+        entries += [*row, *[None] * (-len(row) % columns)]
+    figure = panel_grid(len(entries), columns, MAP_HEIGHT, sharex=True, sharey=True)
     images: dict[SweepPanel, list[AxesImage]] = {}
-    for cell, entry in zip(cells, entries, strict=True):
-        cell.set_visible(entry is not None)
+    for cell, entry in zip(figure.axes, entries, strict=True):
         if entry is None:
+            cell.remove()
             continue
         panel, name = entry
         rows = table[table["panel"] == panel.label]
-        image = _draw_map(
-            cell, rows[rows["series"] == name], axes, _choose_colours(rows["value"], panel), columns
-        )
+        colours = _choose_colours(rows["value"], panel)
+        image = _draw_map(cell, rows[rows["series"] == name], axes, colours, room)
         images.setdefault(panel, []).append(image)
-        cell.set_title(textwrap.fill(name, TITLE // columns, break_on_hyphens=False))
+        cell.set_title(textwrap.fill(name, TITLES_WIDTH // columns, break_on_hyphens=False))
     for panel, drawn in images.items():
-        cells_of_panel = [image.axes for image in drawn]
-        figure.colorbar(
-            drawn[0], ax=cells_of_panel, label=textwrap.fill(panel.label, LABEL), **COLOUR_BAR
-        )
+        label = textwrap.fill(panel.label, LABEL_WIDTH)
+        figure.colorbar(drawn[0], ax=[image.axes for image in drawn], label=label, **COLOUR_BAR)
     data = table.assign(x_quantity=axes[0].label, y_quantity=axes[1].label)
     figure.data = name_quantities(data, {panel.label: Panel(panel.label) for panel in panels})
     return finish(figure)
@@ -253,24 +246,26 @@ def _draw_map(
     rows: pd.DataFrame,
     axes: tuple[SweepAxis, SweepAxis],
     colours: dict[str, Any],
-    columns: int,
+    room: int,
 ) -> AxesImage:
     """Cells of a grid with their numbers, where there is room for so many side by side."""
-    x, y = (axis.places(rows[name]) for axis, name in zip(axes, "xy", strict=True))
+    x = axes[0].places(rows["x"])
+    y = axes[1].places(rows["y"])
     means = np.full((len(axes[1].values), len(axes[0].values)), np.nan)
     means[y, x] = rows["value"]
     image = cell.imshow(means, origin="lower", aspect="auto", interpolation="nearest", **colours)
-    cell.set_facecolor(EMPTY)
-    has_room = means.shape[1] <= ROOM // columns
-    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.0}
+    cell.set_facecolor(EMPTY_COLOUR)
     for column, row, mean, mark in zip(x, y, rows["value"], rows["marked"], strict=True):
-        number = (f"{round(mean, 2):.3g}" if has_room else "") + "*" * bool(mark)
-        is_dark = np.dot(image.to_rgba(mean)[:3], (0.3, 0.6, 0.1)) <= DARK
-        text, colour = (
-            ("×", "black") if np.isnan(mean) else (number, "white" if is_dark else "black")
-        )
-        cell.text(column, row, text, **look, color=colour)
-    axes[0].list_values(cell.xaxis, ROOM // columns)
+        text = f"{round(mean, 2):.3g}" if len(axes[0].values) <= room else ""
+        if mark:
+            text += "*"
+        lightness = np.dot(image.to_rgba(mean)[:3], (0.3, 0.6, 0.1))
+        colour = "white" if lightness <= DARK else "black"
+        if np.isnan(mean):
+            text = "×"
+            colour = "black"
+        cell.text(column, row, text, **CELL_TEXT, color=colour)
+    axes[0].list_values(cell.xaxis, room)
     axes[1].list_values(cell.yaxis, 10)
     return image
 
@@ -278,25 +273,23 @@ def _draw_map(
 def _choose_colours(means: pd.Series, panel: SweepPanel) -> dict[str, Any]:
     """Scale and colours of maps, which diverge from what is right: zero, or the truth that all points share."""
     low, high = value_limits(means, panel.desired)
-    if panel.reference is None:
-        return {
-            "vmin": low,
-            "vmax": high,
-            "cmap": "viridis_r" if panel.desired == "low" else "viridis",
-        }
-    reach = max(abs(low - panel.reference), abs(high - panel.reference)) or 1.0
-    return {"vmin": panel.reference - reach, "vmax": panel.reference + reach, "cmap": "RdBu"}
+    right = panel.reference
+    if right is None:
+        colours = "viridis_r" if panel.desired == "low" else "viridis"
+        return {"vmin": low, "vmax": high, "cmap": colours}
+    reach = max(abs(low - right), abs(high - right)) or 1.0
+    return {"vmin": right - reach, "vmax": right + reach, "cmap": "RdBu"}
 
 
 def value_limits(values: pd.Series | pd.DataFrame, desired: str | None) -> tuple[float, float]:
     """Range of values without those that are lost, so that the others can be told apart."""
-    known = values.to_numpy(dtype=float)
-    known = known[np.isfinite(known)]
-    low, high = BOUNDS.get(desired or "", (-np.inf, np.inf))
-    known = known[(known >= low) & (known <= high)]
+    numbers = values.to_numpy(dtype=float)
+    lowest, highest = BOUNDS.get(desired or "", (-np.inf, np.inf))
+    known = numbers[np.isfinite(numbers) & (numbers >= lowest) & (numbers <= highest)]
     if not known.size:
         return 0.0, 1.0
     first, last = np.quantile(known, [0.1, 0.9])
     reach = FAR * (last - first) or np.inf
-    inliers = known[(known >= first - reach) & (known <= last + reach)]
-    return 0.0 if desired == "low" else float(inliers.min()), float(inliers.max())
+    near = known[(known >= first - reach) & (known <= last + reach)]
+    low = 0.0 if desired == "low" else float(near.min())
+    return low, float(near.max())

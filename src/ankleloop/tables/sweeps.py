@@ -110,7 +110,7 @@ class SweepStudy:
                 name,
                 label_parameter(name, methods),
                 points[point_column(name)],
-                CONDITIONS.get(name),
+                CONDITIONS.get(name, {}),
             )
             for name in varied
         }

@@ -83,7 +83,7 @@ def mean_trajectories():
         for name in "KBG"
         for series in METHODS
     ]
-    return mean_trajectories_figure(pd.concat(rows))
+    return mean_trajectories_figure(pd.concat(rows), styles=ordinal_styles(METHODS))
 
 
 FIGURES = {

@@ -12,13 +12,18 @@ def entries(figure):
 
 
 def test_legend_has_each_label_once_and_marks_at_its_end():
-    figure, axes = panel_grid(2, 2, 40.0)
-    for axis in axes:
+    figure = panel_grid(2, 2, 40.0)
+    for axis in figure.axes:
         axis.axhline(0.0, **REFERENCE_LINE, label="true value")
         axis.plot([0, 1], [0, 1], label="estimate")
         axis.plot([0, 1], [1, 0])  # without a label
     finish(figure)
     assert entries(figure) == [["estimate", "true value"]]
+
+
+def test_a_figure_has_no_more_panels_than_are_asked_for():
+    for count in (1, 3, 4, 6):
+        assert len(panel_grid(count, 3, 40.0).axes) == count
 
 
 def test_equal_figures_give_equal_bytes(tmp_path):
