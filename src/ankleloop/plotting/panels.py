@@ -183,6 +183,8 @@ def estimates_figure(
             axis.axvline(value, label=label, **{"zorder": 1.5, **look})
         if panel.log:
             set_logarithmic(axis, "x")
+        else:  # long numbers stand beside one another
+            axis.locator_params("x", nbins=5)
     figure.data = name_quantities(table, panels)
     return finish(figure)
 
