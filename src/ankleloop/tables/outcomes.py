@@ -29,9 +29,12 @@ def true_values(
 
 def true_spectral_radius(settings: Mapping[str, Any], rate: float = RATE) -> float:
     """Magnitude of the largest pole of the simulated reflex low-pass at the rate of the identification [Hz]."""
-    poles = np.roots([1.0, 2.0 * settings["zeta"] * settings["omega_n"], settings["omega_n"] ** 2])
-    slowest = max([*poles.real, -settings["pole"]] if settings.get("pole") else poles.real)
-    return float(np.exp(slowest / rate))
+    omega_n = settings["omega_n"]
+    poles = np.roots([1.0, 2.0 * settings["zeta"] * omega_n, omega_n**2])
+    decays = list(poles.real)
+    if settings.get("pole"):
+        decays.append(-settings["pole"])
+    return float(np.exp(max(decays) / rate))
 
 
 def describe_condition(name: str, value: Any) -> str:
@@ -42,25 +45,19 @@ def describe_condition(name: str, value: Any) -> str:
 
 def describe_failures(parameters: pd.DataFrame) -> str:
     """Say how many identifications failed, and why; means leave them out."""
-    failed = (
-        parameters.reindex(columns=["point", "method", "failure"])
-        .dropna(subset="failure")
-        .astype(str)
-    )
+    rows = parameters.reindex(columns=["point", "method", "failure"])
+    failed = rows.dropna(subset="failure").astype(str)
     if failed.empty:
         return ""
-    groups = failed.groupby(failed["failure"].str.replace(NUMBER, "#", regex=True), sort=False)
-    examples = (
-        groups.first()
-        .assign(count=groups.size())
-        .sort_values("count", ascending=False, kind="stable")
-    )
-    parts = [f"{len(failed):,} of {len(parameters):,} identifications failed; means leave them out"]
+    reasons = failed["failure"].str.replace(NUMBER, "#", regex=True)
+    groups = failed.groupby(reasons, sort=False)
+    examples = groups.first().assign(count=groups.size())
+    examples = examples.sort_values("count", ascending=False, kind="stable")
+    texts = [f"{len(failed):,} of {len(parameters):,} identifications failed; means leave them out"]
     for row in examples.head(MOST_REASONS).itertuples():
-        parts.append(
-            f"{row.count:,} of them, such as {row.method} at {row.point}: {row.failure.rstrip('.')}"
-        )
-    return ". ".join(parts)
+        reason = row.failure.rstrip(".")
+        texts.append(f"{row.count:,} of them, such as {row.method} at {row.point}: {reason}")
+    return ". ".join(texts)
 
 
 def describe_faults(parameters: pd.DataFrame, labels: Mapping[str, str]) -> str:
@@ -69,11 +66,10 @@ def describe_faults(parameters: pd.DataFrame, labels: Mapping[str, str]) -> str:
     texts = []
     for name, words in (("failures", "without an estimate"), ("warnings", "with a warning")):
         methods = counts.loc[counts[name] > 0, name]
-        parts = ", ".join(
-            f"{labels.get(method, method)} {count}" for method, count in methods.items()
-        )
-        texts.append(
-            f"{words}: {methods.sum()} of {len(parameters)}" + (f" ({parts})" if parts else "")
-        )
+        text = f"{words}: {methods.sum()} of {len(parameters)}"
+        if not methods.empty:
+            parts = [f"{labels.get(method, method)} {count}" for method, count in methods.items()]
+            text += f" ({', '.join(parts)})"
+        texts.append(text)
     rings = " In figures they have rings." if counts.to_numpy().any() else ""
     return f"Identifications {'; '.join(texts)}.{rings}"
