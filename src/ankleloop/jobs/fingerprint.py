@@ -51,13 +51,13 @@ def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
         path = remaining.pop()
         modules.add(path)
         remaining |= _parse(path) - modules
-    folders = {folder for path in modules for folder in path.parent.iterdir() if folder.is_dir()}
-    data = [
-        folder
-        for folder in folders
-        if folder.name != "__pycache__" and not any(folder.rglob("*.py"))
-    ]
-    return modules | {file for folder in data for file in folder.rglob("*") if file.is_file()}
+    data: set[Path] = set()
+    for folder in {folder for path in modules for folder in path.parent.iterdir()}:
+        files = [file for file in folder.rglob("*") if file.is_file()]
+        has_modules = any(file.suffix == ".py" for file in files)
+        if folder.name != "__pycache__" and not has_modules:
+            data.update(files)
+    return modules | data
 
 
 @cache
@@ -83,9 +83,8 @@ def _parse(path: Path) -> frozenset[Path]:
 
 def _find_files(name: str) -> Iterable[Path]:
     """File of a module, or the __init__ of a package; other names have none."""
-    if (
-        name == "ankleloop"
-    ):  # it imports its modules when their names are first used, which its source does not show
+    # It imports its modules when their names are first used, which its source does not show.
+    if name == "ankleloop":
         return (LIBRARY / name).rglob("*.py")
     if not name.startswith("ankleloop."):
         return ()
