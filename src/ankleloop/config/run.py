@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ankleloop.config.checking import ConfigError, find_key, key_error
+from ankleloop.config.checking import ConfigError, PathLike, find_key, key_error
 from ankleloop.config.notebooks import Notebook, find_needs, list_figures, read_notebooks
 from ankleloop.config.points import SIMULATION
 from ankleloop.config.settings import Config
@@ -18,7 +18,7 @@ from ankleloop.options import suggest_name
 
 def read_run(
     config: Mapping[str, Any],
-    paths: Sequence[str | os.PathLike[str]],
+    paths: Sequence[PathLike],
     command_line: Mapping[str, Any] | None = None,
     notebooks: Mapping[str, Notebook] | None = None,
 ) -> tuple[Config, dict[str, Study]]:

@@ -20,7 +20,7 @@ import pandas as pd
 
 import ankleloop
 from ankleloop.jobs.fingerprint import hash_file
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import PathLike, atomic_file
 
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"  # Process Run Crate: one action, from objects to results
 LICENCE = "https://spdx.org/licenses/MIT"
@@ -60,7 +60,7 @@ Provenance = Mapping[str, Any]
 Studies = Mapping[str, Mapping[str, Any]]
 
 
-def read_provenance(root: str | os.PathLike[str]) -> dict[str, Any]:
+def read_provenance(root: PathLike) -> dict[str, Any]:
     """Read version, commit (empty outside of a working copy of git), whether files differ from it, and packages."""
     is_copy = Path(root, ".git").exists()
     commit = _ask_git(root, "rev-parse", "HEAD") if is_copy else ""
@@ -78,7 +78,7 @@ def read_provenance(root: str | os.PathLike[str]) -> dict[str, Any]:
     }
 
 
-def _ask_git(root: str | os.PathLike[str], *arguments: str) -> str:
+def _ask_git(root: PathLike, *arguments: str) -> str:
     """Answer of git; empty where it has none, or there is no git."""
     command = ["git", "--no-optional-locks", "-C", os.fspath(root), *arguments]
     try:

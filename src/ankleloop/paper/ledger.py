@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from os import PathLike
 from pathlib import Path
 
 import pandas as pd
@@ -12,6 +11,7 @@ import yaml
 from ankleloop.paper import judgement
 from ankleloop.paper.checks import CHECKS, Case, MissingEvidence, Row, StudyResults
 from ankleloop.tables.comparisons import format_number, format_pairs
+from ankleloop.trials.files import PathLike
 
 VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
@@ -118,7 +118,7 @@ def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def read_conclusions(path: str | PathLike[str]) -> Conclusions:
+def read_conclusions(path: PathLike) -> Conclusions:
     """Conclusions that a person has written, by the claim that each rests on: its verdict, a sentence, a paragraph."""
     return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
 

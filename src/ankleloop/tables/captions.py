@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import Any
+from collections.abc import Collection
 
 from ankleloop.quantities import POINT, QUANTITIES, SETTINGS
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.tables.outcomes import describe_condition
+from ankleloop.tables.outcomes import Points, Settings, describe_condition
 
 SETTING_NAMES = {
     "voluntary": "relative voluntary torque",
@@ -48,17 +47,17 @@ def format_setting(name: str, value: float | None) -> str:
     return f"{value:g}" if unit == "1" else f"{value:g} {unit}"
 
 
-def format_load(settings: Mapping[str, Any]) -> str:
+def format_load(settings: Settings) -> str:
     """Inertia, viscosity and stiffness of the load of a point, short enough for the title of a panel."""
     return "load " + "/".join(f"{settings[name]:g}" for name in LOAD)
 
 
-def format_point(settings: Mapping[str, Any]) -> str:
+def format_point(settings: Settings) -> str:
     """Load, reflex gain and voluntary torque of a point, short enough for the title of a panel."""
     return f"{format_load(settings)}, gain {settings['reflex_gain']:g}, voluntary {100 * settings['voluntary']:g} %"
 
 
-def describe_settings(settings: Mapping[str, Any], varied: Collection[str] = ()) -> str:
+def describe_settings(settings: Settings, varied: Collection[str] = ()) -> str:
     """Settings that every trial of a study has, in one phrase."""
     texts = [
         f"{label_setting(name)[0]} {format_setting(name, settings[name])}"
@@ -71,7 +70,7 @@ def describe_settings(settings: Mapping[str, Any], varied: Collection[str] = ())
     return f"{shared} (relative voluntary torque: its sd over that of the clean net torque)"
 
 
-def typical_point(points: Mapping[str, Mapping[str, Any]], varied: Collection[str]) -> str:
+def typical_point(points: Points, varied: Collection[str]) -> str:
     """Point whose settings are the defaults of the simulation, which a figure of single trials shows."""
     defaults = SimulationSettings.defaults()
 
@@ -81,9 +80,7 @@ def typical_point(points: Mapping[str, Mapping[str, Any]], varied: Collection[st
     return max(points, key=count_defaults)
 
 
-def shared_truths(
-    points: Mapping[str, Mapping[str, Any]], names: Collection[str]
-) -> dict[str, float | None]:
+def shared_truths(points: Points, names: Collection[str]) -> dict[str, float | None]:
     """True values that all points have, for lines in figures."""
     return {
         name: truths[0] if len(truths) == 1 else None
@@ -91,7 +88,7 @@ def shared_truths(
     }
 
 
-def format_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str]) -> str:
+def format_truths(points: Points, names: Collection[str]) -> str:
     """True values of estimated parameters with their units, all of them where points differ."""
     texts = []
     for name, truths in _list_truths(points, names).items():
@@ -101,9 +98,7 @@ def format_truths(points: Mapping[str, Mapping[str, Any]], names: Collection[str
     return ", ".join(texts)
 
 
-def _list_truths(
-    points: Mapping[str, Mapping[str, Any]], names: Collection[str]
-) -> dict[str, list[float]]:
+def _list_truths(points: Points, names: Collection[str]) -> dict[str, list[float]]:
     """The true values that a parameter has at some point."""
     return {
         name: list(dict.fromkeys(settings[SETTINGS[name]] for settings in points.values()))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,6 +12,7 @@ import pandas as pd
 from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.tables.means import COUNTS, count_outcomes, mean_scores, measure_statistics
+from ankleloop.tables.outcomes import Points
 from ankleloop.trials.files import atomic_file, write_csv
 
 COMPLETE = "none"  # label of what the complete processing leaves out
@@ -134,7 +134,7 @@ def compare_with_bound(
 
 
 def tabulate_omissions(
-    details: pd.DataFrame, points: Mapping[str, Mapping[str, Any]], labels: Mapping[str, str]
+    details: pd.DataFrame, points: Points, labels: Mapping[str, str]
 ) -> pd.DataFrame:
     """Means over trials of each method with all steps of the processing and without each, with what that changes."""
     keys = ["point", "method"]
@@ -165,7 +165,7 @@ def tabulate_omissions(
     return pd.DataFrame(rows)
 
 
-def _name_conditions(points: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+def _name_conditions(points: Points) -> dict[str, str]:
     """Condition of each point with an anti-aliasing filter, in words; with its name where two have the same words."""
     words = {}
     for point, settings in points.items():
@@ -178,7 +178,7 @@ def _name_conditions(points: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
     }
 
 
-def _find_unfiltered(points: Mapping[str, Mapping[str, Any]], point: str) -> str | None:
+def _find_unfiltered(points: Points, point: str) -> str | None:
     """The point with the settings of another one, but without an anti-aliasing filter."""
     wanted = {**points[point], "antialias_cutoff": None}
     return next((name for name, settings in points.items() if settings == wanted), None)

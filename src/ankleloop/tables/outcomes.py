@@ -14,20 +14,21 @@ from ankleloop.tables.means import list_faults
 RATE = 100.0  # Hz, of the identification by default
 MOST_REASONS = 5  # of failures that a sentence each is about
 NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
+Settings = Mapping[str, Any]  # of the simulation, by name
+Points = Mapping[str, Settings]  # of a study, by name
+
 CONDITIONS: dict[str, dict[Any, str]] = {
     "closed_loop": {True: "closed loop", False: "open loop"},
     "perturbation": {"prbs": "PRBS", "pulses": "decorrelating pulses", "dwells": "random dwells"},
 }
 
 
-def true_values(
-    settings: Mapping[str, Any], names: Iterable[str] = tuple(SETTINGS)
-) -> dict[str, float]:
+def true_values(settings: Settings, names: Iterable[str] = tuple(SETTINGS)) -> dict[str, float]:
     """True values of the parameters that are estimated from simulated trials."""
     return {name: settings[SETTINGS[name]] for name in names}
 
 
-def true_spectral_radius(settings: Mapping[str, Any], rate: float = RATE) -> float:
+def true_spectral_radius(settings: Settings, rate: float = RATE) -> float:
     """Magnitude of the largest pole of the simulated reflex low-pass at the rate of the identification [Hz]."""
     omega_n = settings["omega_n"]
     poles = np.roots([1.0, 2.0 * settings["zeta"] * omega_n, omega_n**2])

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,9 @@ from ankleloop.quantities import ERRORS, FAULTS, QUANTITIES, SETTINGS, point_col
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.comparisons import format_pairs
 from ankleloop.tables.means import list_faults, means, measure_statistics
-from ankleloop.tables.outcomes import CONDITIONS
+from ankleloop.tables.outcomes import CONDITIONS, Settings
 from ankleloop.tables.trial_tables import default_quantities, label_parameter, read_trial_table
+from ankleloop.trials.files import PathLike
 
 MOST_COLUMNS = 8  # parameters over which lines are drawn
 LEAST_SHARE = 0.5  # of the trials of a point that need an estimate for its mean to be ranked
@@ -71,17 +71,17 @@ class SweepStudy:
     absent: list[str]  # quantities that the configuration names and the table does not have
     labels: Mapping[str, str]  # of the methods that are shown
     difference: str  # label of the difference of two methods; empty without one
-    simulation: Mapping[str, Any]  # settings that all points share
+    simulation: Settings  # settings that all points share
     styles: Mapping[str, MethodStyle]  # by label
 
     @classmethod
     def read(
         cls,
-        path: str | PathLike[str],
+        path: PathLike,
         varied: Sequence[str],
         methods: Mapping[str, str],
         settings: Mapping[str, Any],
-        simulation: Mapping[str, Any],
+        simulation: Settings,
         algorithms: Mapping[str, str] | None = None,
     ) -> SweepStudy:
         """Read the table of trials of a study, in which the settings and options `varied` differ."""
@@ -166,7 +166,7 @@ def measure_trials(
     table: pd.DataFrame,
     varied: Sequence[str],
     quantities: Sequence[str],
-    simulation: Mapping[str, Any],
+    simulation: Settings,
 ) -> pd.DataFrame:
     """Quantities of each trial of a table; errors are relative to the truth of each point, in per cent."""
     faults = list_faults(table)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,8 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 from ankleloop.tables.captions import LOAD, format_load
 from ankleloop.tables.means import count_outcomes, measure_statistics
+from ankleloop.tables.outcomes import Points, Settings
+from ankleloop.trials.files import PathLike
 
 # Parameters by the names of the trajectories of a simulation.
 TRAJECTORY_PARAMETERS = {"stiffness": "K", "viscosity": "B", "gain": "G"}
@@ -34,10 +35,8 @@ PLACES = 101
 BOUND_SEED = 0  # of the perturbation, on which the bound hardly depends
 SPREAD = (0.025, 0.975)  # quantiles of the trials
 
-Points = Mapping[str, Mapping[str, Any]]
 
-
-def _simulated(settings: Mapping[str, Any]) -> dict[str, Any]:
+def _simulated(settings: Settings) -> dict[str, Any]:
     """Settings of the simulation; points of a study have options of methods beside them."""
     return {
         name: value for name, value in settings.items() if name in SimulationSettings.model_fields
@@ -45,7 +44,7 @@ def _simulated(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def profile_trajectories(
-    settings: Mapping[str, Any], dimension: str, coordinate: np.ndarray
+    settings: Settings, dimension: str, coordinate: np.ndarray
 ) -> dict[str, np.ndarray]:
     """True K, B and G of a setting over what they vary with.
 
@@ -61,9 +60,7 @@ def profile_trajectories(
     return {TRAJECTORY_PARAMETERS[name]: values for name, values in truth._asdict().items()}
 
 
-def average_trajectories(
-    estimates: Iterable[Estimate], settings: Mapping[str, Any]
-) -> pd.DataFrame:
+def average_trajectories(estimates: Iterable[Estimate], settings: Settings) -> pd.DataFrame:
     """Mean and spread of trajectories over trials, place by place, beside the truth."""
     curves = [estimate.trajectories for estimate in estimates if estimate.trajectories is not None]
     if not curves:
@@ -94,7 +91,7 @@ def average_trajectories(
 
 
 def average_study(
-    paths: Sequence[str | PathLike[str]], points: Points, methods: Iterable[str]
+    paths: Sequence[PathLike], points: Points, methods: Iterable[str]
 ) -> pd.DataFrame:
     """Mean trajectories of every setting and method of a study."""
     parts = []
@@ -148,7 +145,7 @@ def count_cycles(details: pd.DataFrame) -> str:
     return " to ".join(dict.fromkeys(ends))
 
 
-def title_setting(settings: Mapping[str, Any], varied: Sequence[str]) -> str:
+def title_setting(settings: Settings, varied: Sequence[str]) -> str:
     """A setting of a study in a few words: what differs between the settings."""
     has_cycles = settings["variation"] == "cycle"
     parts = [format_load(settings)] if set(LOAD) & set(varied) else []
