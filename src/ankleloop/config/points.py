@@ -36,8 +36,10 @@ WORDS = {"null": None, "true": True, "false": False}  # in tables
 
 Place = tuple[str, ...]
 Methods = Mapping[str, Any]  # `config.settings.MethodSettings` by the names of methods in the study
-# Points, all settings of each condition, and what varies.
-Points = tuple[list["Point"], dict[str, dict[str, Any]], dict[str, "Parameter"]]
+Values = dict[str, Any]  # by name
+Parameters = dict[str, "Parameter"]
+Conditions = dict[str, Values]  # all settings of each
+Points = tuple[list["Point"], Conditions, Parameters]
 Combination = tuple[str, Mapping[str, Any]]  # where it stands, if in a table, and values by column
 
 
@@ -141,9 +143,9 @@ class Point(NamedTuple):
     name: str  # its name in tables
     condition: str  # name of its settings alone, by which trials and their seeds are keyed
     # By column; a parameter that only other points name has the value of the study.
-    values: dict[str, Any]
+    values: Values
     # Of methods that make it, by the name of the method in the study.
-    options: dict[str, dict[str, Any]]
+    options: dict[str, Values]
 
 
 def point_name(values: Mapping[str, Any]) -> str:
@@ -157,7 +159,7 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
     parameters, combinations = _list_combinations(place, entry, methods)
     owners = {SIMULATION: shared, **{name: method.options for name, method in methods.items()}}
     points: dict[tuple[Any, ...], Point] = {}
-    conditions: dict[str, dict[str, Any]] = {}
+    conditions: Conditions = {}
     # Equal settings, and equal options of a method, are checked once.
     checked: dict[tuple[str, str], Options] = {}
     for row, given in combinations:
@@ -191,9 +193,7 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
     return list(points.values()), conditions, parameters
 
 
-def _values_of(
-    owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]
-) -> dict[str, Any]:
+def _values_of(owner: str, parameters: Parameters, values: Mapping[str, Any]) -> Values:
     """Values of a point that belong to an owner, by their names there."""
     return {
         parameters[name].field: value
@@ -212,7 +212,7 @@ def _find_value(parameter: Parameter, models: Mapping[str, Options], given: Any)
 
 def _list_combinations(
     place: Place, entry: Any, methods: Methods
-) -> tuple[dict[str, Parameter], Iterable[Combination]]:
+) -> tuple[Parameters, Iterable[Combination]]:
     """What varies, and its values at each point, from any form of the key `points`."""
     is_mapping = isinstance(entry, Mapping)
     if is_mapping and "table" in entry:
@@ -257,8 +257,8 @@ def _list_combinations(
 
 
 def _list_choices(
-    name: str, values: Any, parameters: Mapping[str, Parameter], place: Place, is_grid: bool
-) -> list[dict[str, Any]]:
+    name: str, values: Any, parameters: Parameters, place: Place, is_grid: bool
+) -> list[Values]:
     """Choices of a parameter, each with its value, or with the three values of a load.
 
     In a list of points a single value is a choice, too.
@@ -286,9 +286,7 @@ def _cast(parameter: Parameter, value: str) -> Any:
     return WORDS.get(value.lower(), cast_number(value))
 
 
-def _draw_points(
-    design: Design, parameters: Mapping[str, Parameter], place: Place
-) -> list[Combination]:
+def _draw_points(design: Design, parameters: Parameters, place: Place) -> list[Combination]:
     """Points of a random design."""
     from scipy.stats import qmc
 
@@ -338,12 +336,12 @@ def _check_values(parameter: Parameter, values: Any, place: Place, model: type[_
     return check(model, values, "config", *place)
 
 
-def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> dict[str, Parameter]:
+def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> Parameters:
     """What the names in `points` stand for.
 
     A name is that of a setting, or else that of an option, of every method that has it; `METHOD.option` is that of one.
     """
-    parameters: dict[str, Parameter] = {}
+    parameters: Parameters = {}
     fields = {SIMULATION: SimulationSettings.model_fields}
     fields |= {name: type(method.options).model_fields for name, method in methods.items()}
     names_of: dict[tuple[str, str], str] = {}

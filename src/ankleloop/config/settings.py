@@ -34,6 +34,7 @@ from ankleloop.simulation.settings import SimulationSettings
 SCHEMA = Path("workflow/schemas/config.schema.json")
 
 
+Values = dict[str, Any]  # by name
 Name = Annotated[
     str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)
 ]
@@ -70,12 +71,12 @@ class MethodSettings(Options):
         return self
 
     @property
-    def fixed_options(self) -> dict[str, Any]:
+    def fixed_options(self) -> Values:
         """Options with their defaults, without those that are to be selected."""
         return {name: value for name, value in self.options if name not in self.select}
 
     @property
-    def identify_options(self) -> dict[str, Any]:
+    def identify_options(self) -> Values:
         """All options that `ankleloop.identify` takes, the candidates of a selection among them."""
         selection = {"select": self.select, "criterion": self.criterion} if self.select else {}
         return {**self.fixed_options, **selection}
@@ -114,7 +115,7 @@ class _OrRegistered:
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    ) -> Values:
         registered = {
             "description": "A method that another package registers: it is looked up when the configuration is read.",
             "type": "object",
@@ -273,7 +274,7 @@ class RecordingsStudy(_StudySettings):
         description="recordings by name; the name appears in the paths of the results",
         default_factory=dict,
     )
-    shared: dict[str, Any] = option(
+    shared: Values = option(
         description="values for recordings that do not give their own",
         alias="defaults",
         default_factory=dict,
@@ -370,7 +371,7 @@ def schema_text() -> str:
     return json.dumps({**header, **schema}, indent=2, ensure_ascii=False) + "\n"
 
 
-def _tidy(schema: dict[str, Any]) -> dict[str, Any]:
+def _tidy(schema: Values) -> Values:
     """A part of the schema without a title that repeats its key, and with the first sentence of its docstring."""
     if isinstance(schema.get("title"), str):
         del schema["title"]

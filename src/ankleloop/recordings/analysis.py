@@ -29,7 +29,10 @@ from ankleloop.trials.trial import segment
 
 BLOCK_LENGTH = 2.0  # s: longer than the squares of torques are correlated
 FEWEST_BLOCKS = 5
-METHOD_DEFAULTS: Mapping[str, Any] = {"options": {}, "select": None, "criterion": None}
+
+Specification = Mapping[str, Any]  # of a method: its name, options, and options to select
+
+METHOD_DEFAULTS: Specification = {"options": {}, "select": None, "criterion": None}
 MORE_DELAY = 0.01  # s
 
 log = logging.getLogger(__name__)
@@ -69,7 +72,7 @@ class Analysis:
         return {label: estimates[0] for label, estimates in self.records.items()}
 
 
-def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, Any]]) -> Analysis:
+def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Specification]) -> Analysis:
     """Check a recording, and fit every method that is valid for it.
 
     Each method is fitted to the first half and scored on the second, if the half is long enough; options to be selected
@@ -158,7 +161,7 @@ def refused_analysis(check: Check) -> Analysis:
     return Analysis(check, {}, {}, pd.DataFrame([row]))
 
 
-def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def largest_options(methods: Mapping[str, Specification]) -> dict[str, Any]:
     """Largest order and number of block rows that any method may use: the movement has to excite as much."""
     largest = {"order": 2, "block_rows": 15}
     for specification in methods.values():
@@ -170,7 +173,7 @@ def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _fit(
-    trials: list[PreparedTrial], check: Check, specification: Mapping[str, Any]
+    trials: list[PreparedTrial], check: Check, specification: Specification
 ) -> tuple[list[Estimate], list[xr.Dataset], dict[str, Any]]:
     """Estimates of the whole, torques of one half that the fit to the other predicts, and the scores of both."""
     method = specification["method"]
@@ -311,7 +314,7 @@ def _describe_estimate(
 
 
 def _list_assumptions(
-    trials: list[PreparedTrial], specification: Mapping[str, Any], estimate: Estimate
+    trials: list[PreparedTrial], specification: Specification, estimate: Estimate
 ) -> str:
     """What the estimate of the first trial takes for granted, and what another delay or effect would do."""
     diagnostics = estimate.diagnostics
