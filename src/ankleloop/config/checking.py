@@ -21,8 +21,7 @@ import yaml
 from pydantic import ValidationError
 
 from ankleloop.options import Options, describe_error, suggest_name
-
-PathLike = str | os.PathLike[str]
+from ankleloop.trials.files import PathLike
 
 KINDS = {int: "count", bool: "flag", float: "number"}
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

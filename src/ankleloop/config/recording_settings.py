@@ -15,13 +15,13 @@ from pydantic import field_validator, model_validator
 
 from ankleloop.config.checking import (
     ConfigError,
-    PathLike,
     cast_number,
     check,
     find_kind,
     read_rows,
 )
 from ankleloop.options import option, show_value
+from ankleloop.trials.files import PathLike
 from ankleloop.trials.reading_options import ReadingOptions
 
 MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes

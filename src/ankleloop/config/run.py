@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ankleloop.config.checking import ConfigError, PathLike, find_key, key_error
+from ankleloop.config.checking import ConfigError, find_key, key_error
 from ankleloop.config.notebooks import Notebook, find_needs, list_figures, read_notebooks
 from ankleloop.config.points import SIMULATION
 from ankleloop.config.settings import Config
@@ -14,6 +14,7 @@ from ankleloop.config.study import RecordedStudy, SimulatedStudy, Study, read_st
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import decimation_grid
 from ankleloop.options import suggest_name
+from ankleloop.trials.files import PathLike
 
 
 def read_run(

@@ -85,13 +85,12 @@ class MethodSettings(Options):
 def _settings_of(options: type[Options], *names: str) -> type[MethodSettings]:
     """Settings of the methods of some names, which have these options."""
     fields = MethodSettings.model_fields
-    method = option(description=fields["method"].description or "")
     chosen = option(description=fields["options"].description or "", default_factory=options)
     return create_model(
         options.__name__.replace("Options", "Settings"),
         __base__=MethodSettings,
         __doc__=f"A method with {options.__name__}.",
-        method=(Literal[names], method),  # type: ignore[arg-type]
+        method=(Literal[names], fields["method"]),  # type: ignore[arg-type]
         options=(options, chosen),
     )
 

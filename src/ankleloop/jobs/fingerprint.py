@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
 from ankleloop.methods.entry_points import list_packages
+from ankleloop.trials.files import PathLike
 
 LIBRARY = Path(__file__).parents[2]
 REGISTRY = LIBRARY / "ankleloop" / "methods" / "registry.py"
@@ -27,7 +27,7 @@ IMPORT = re.compile(
 )
 
 
-def fingerprint(*scripts: str | os.PathLike[str]) -> str:
+def fingerprint(*scripts: PathLike) -> str:
     """Hash of all library files that scripts or notebooks reach, directly or through other modules.
 
     A module is reached by an import, at the top or within a function. With it go the data folders beside it, those
@@ -43,7 +43,7 @@ def fingerprint(*scripts: str | os.PathLike[str]) -> str:
     return digest.hexdigest()[:16]
 
 
-def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
+def reached_files(*scripts: PathLike) -> set[Path]:
     """Library files that scripts, notebooks or modules reach, directly or through other modules."""
     modules: set[Path] = set()
     remaining = {file for script in scripts for file in _parse(Path(script))}

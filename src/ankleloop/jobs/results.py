@@ -56,6 +56,7 @@ STUDY_COLUMNS = {
 }
 
 Provenance = Mapping[str, Any]
+Figures = dict[str, list[dict[str, Any]]]  # by heading
 # Title, kind, points, methods, trials, seed, tables of recordings of each.
 Studies = Mapping[str, Mapping[str, Any]]
 
@@ -220,14 +221,14 @@ def read_run_times(folder: Path, jobs: Iterable[str]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["study", *BENCHMARK_TIMES.values(), "end"])
 
 
-def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[dict[str, Any]]]:
+def _collect_figures(folder: Path, studies: Studies) -> Figures:
     """Figures by headings, with the captions that their notebooks give them."""
     captions = [("Diagrams", DIAGRAM_CAPTIONS)]
     for study, description in studies.items():
         path = folder / "rendered" / study / "captions.json"
         if path.exists():
             captions.append((description["title"], json.loads(path.read_text(encoding="utf-8"))))
-    figures: dict[str, list[dict[str, Any]]] = {}
+    figures: Figures = {}
     for heading, texts in captions:
         for name, caption in texts.items():
             paths = {kind: f"figures/{name}.{kind.lower()}" for kind in FIGURE_KINDS}
