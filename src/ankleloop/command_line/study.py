@@ -23,6 +23,8 @@ from ankleloop.command_line.reading import (
 from ankleloop.command_line.terminal import echo, find_options, refuse_existing, show_next
 from ankleloop.options import suggest_name
 
+Values = dict[str, Any]  # by name
+
 ALWAYS = {"position", "torque", "reference", "position_unit", "sampling_rate", "torque_sign"}
 FACTORS = (0.5, 1.0, 2.0)  # of the default, for the values of a sweep
 HEADER = """\
@@ -96,9 +98,7 @@ def study(
     return 0
 
 
-def _describe_recordings(
-    files: Sequence[Path], values: dict[str, Any]
-) -> tuple[dict[str, Any], list[str]]:
+def _describe_recordings(files: Sequence[Path], values: Values) -> tuple[Values, list[str]]:
     """Settings of a study of recordings, each of which is read and checked, and what was found."""
     from ankleloop.recordings.validity import usual_methods
 
@@ -126,7 +126,7 @@ def _describe_recordings(
             **recording.model_dump(mode="json", exclude_defaults=True, exclude={"file"}),
         }
     changing = any(recording.changes for recording in recordings)
-    methods: dict[str, Any] = {}
+    methods: Values = {}
     for has_reference in sorted(
         {"reference" in recording.channels for recording in recordings}, reverse=True
     ):
@@ -143,7 +143,7 @@ def _describe_recordings(
     return {**settings, "files": described, "methods": methods}, remarks
 
 
-def _describe_sweep(varied: Sequence[str]) -> dict[str, Any]:
+def _describe_sweep(varied: Sequence[str]) -> Values:
     """Settings of a sweep."""
     is_varying = any(
         name.endswith("_variation") for name in varied

@@ -23,6 +23,8 @@ from pydantic import ValidationError
 from ankleloop.options import Options, describe_error, suggest_name
 from ankleloop.trials.files import PathLike
 
+Values = dict[str, Any]  # by name
+
 KINDS = {int: "count", bool: "flag", float: "number"}
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 # Makes a YAML file a program of the template engine that Snakemake reads it by.

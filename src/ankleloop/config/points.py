@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 
 from ankleloop.config.checking import (
     ConfigError,
+    Values,
     cast_number,
     check,
     expand_path,
@@ -36,7 +37,6 @@ WORDS = {"null": None, "true": True, "false": False}  # in tables
 
 Place = tuple[str, ...]
 Methods = Mapping[str, Any]  # `config.settings.MethodSettings` by the names of methods in the study
-Values = dict[str, Any]  # by name
 Parameters = dict[str, "Parameter"]
 Conditions = dict[str, Values]  # all settings of each
 Points = tuple[list["Point"], Conditions, Parameters]
@@ -107,7 +107,7 @@ class Design(Options):
         description="number of points; a power of two for sobol", ge=1, le=MAX_POINTS
     )
     seed: int = option(description="seed of the design", ge=0)
-    parameters: dict[str, Any] = Field(
+    parameters: Values = Field(
         description="limits (start, stop, scale) of each parameter, or the list of its values",
         min_length=1,
     )

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ankleloop.config.checking import ConfigError, find_key, key_error
+from ankleloop.config.checking import ConfigError, Values, find_key, key_error
 from ankleloop.config.notebooks import Notebook, find_needs, list_figures, read_notebooks
 from ankleloop.config.points import SIMULATION
 from ankleloop.config.settings import Config
@@ -111,7 +111,7 @@ def _check_methods(study: SimulatedStudy) -> None:
 
 def report_parameters(
     study: Study, notebook: Notebook, files: Mapping[str, Iterable[str]], **places: str
-) -> dict[str, Any]:
+) -> Values:
     """Parameters of the notebook of a study: what `ankleloop.pages.study_page.StudyPage` holds.
 
     `files` are its trials, estimates and tables; `places` are `published`, `table_stem`, `figure_stem`.
@@ -147,7 +147,7 @@ def report_parameters(
 
 def article_parameters(
     studies: Iterable[SimulatedStudy], files: Mapping[str, Mapping[str, Any]], **shared: Any
-) -> dict[str, Any]:
+) -> Values:
     """Parameters of the notebook of the article."""
     described = {}
     for study in studies:

@@ -23,7 +23,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
-from ankleloop.config.checking import check, check_cases
+from ankleloop.config.checking import Values, check, check_cases
 from ankleloop.config.recording_settings import MAX_NAME, RECORDING_NAME, Recording
 from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.methods.selection import check_selection
@@ -34,7 +34,6 @@ from ankleloop.simulation.settings import SimulationSettings
 SCHEMA = Path("workflow/schemas/config.schema.json")
 
 
-Values = dict[str, Any]  # by name
 Name = Annotated[
     str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$", max_length=MAX_NAME)
 ]

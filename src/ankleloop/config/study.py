@@ -14,7 +14,7 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from ankleloop.config.checking import check, check_cases, expand_path, key_error
+from ankleloop.config.checking import Values, check, check_cases, expand_path, key_error
 from ankleloop.config.points import Point, list_points
 from ankleloop.config.recording_settings import read_recordings
 from ankleloop.config.settings import Config, RecordingsStudy, SimulationStudy
@@ -117,7 +117,7 @@ class SimulatedStudy(Study):
             return None
         return settings["duration"], settings["recording_rate"]
 
-    def simulation(self, parts: Chunk) -> dict[str, Any]:
+    def simulation(self, parts: Chunk) -> Values:
         """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
         conditions = {
             condition: {"settings": self.conditions[condition], "first": first, "stop": stop}
@@ -125,7 +125,7 @@ class SimulatedStudy(Study):
         }
         return {"seed": self.settings.seed, "conditions": conditions}
 
-    def identification(self, chunk: int) -> dict[str, Any]:
+    def identification(self, chunk: int) -> Values:
         """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
         conditions = {}
         parts = self.chunks[chunk]
@@ -206,7 +206,7 @@ class RecordedStudy(Study):
         return [_hash(chunk, *shared) for chunk in self.chunks]
 
     @cached_property
-    def points(self) -> dict[str, dict[str, Any]]:  # type: ignore[override]
+    def points(self) -> dict[str, Values]:  # type: ignore[override]
         """Mapping of each recording by its name, with paths and mappings of all its files as `paths` and `parts`."""
         settings = self.settings
         place = ("studies", self.name)
@@ -232,7 +232,7 @@ class RecordedStudy(Study):
         }
 
     @cached_property
-    def chunks(self) -> list[dict[str, dict[str, Any]]]:  # type: ignore[override]
+    def chunks(self) -> list[dict[str, Values]]:  # type: ignore[override]
         """Mapping of each recording of each chunk by its name."""
         items = list(self.points.items())
         count = self.settings.recordings_per_chunk

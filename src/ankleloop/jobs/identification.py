@@ -31,6 +31,8 @@ COLUMN_TYPES = {
 }
 
 Points = Mapping[str, Mapping[str, Any]]
+Row = dict[str, Any]
+Result = tuple[Estimate | None, Row]  # no estimate where the identification failed
 
 
 def read_trials(path: PathLike, conditions: Points) -> Trials:
@@ -65,7 +67,7 @@ def identify_trials(
     for condition, number, trial in trials:
         prepared = trial if isinstance(trial, str) else PreparedTrial(trial, validated=True)
         # By method and its options.
-        results: dict[tuple[str, str], tuple[Estimate | None, dict[str, Any]]] = {}
+        results: dict[tuple[str, str], Result] = {}
         for point, part in conditions[condition]["points"].items():
             values = {point_column(column): value for column, value in part["values"].items()}
             for name, method in methods.items():
@@ -97,11 +99,11 @@ def identify_trials(
 
 def _identify(
     trial: PreparedTrial | str, method: str, options: Mapping[str, Any], against: Any
-) -> tuple[Estimate | None, dict[str, Any]]:
+) -> Result:
     """Estimate of a trial with its scores and parameters as a row, or without it the reason of the failure."""
     if isinstance(trial, str):
         return None, {"failure": f"the trial could not be simulated: {trial}"}
-    row: dict[str, Any] = {}
+    row: Row = {}
     try:
         estimate = identify(trial, method, **options)
         for torque, target, *values in score_torques(trial, estimate, against):

@@ -28,6 +28,7 @@ CHANGES = {
     "time": "with time",
     "schedule": "with the scheduling variable",
 }
+Choice = tuple[pd.Series, str]  # row of a method, and why it is taken
 
 
 class Recommendation(NamedTuple):
@@ -97,9 +98,7 @@ def recommend(analysis: Analysis) -> Recommendation:
     return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
 
 
-def _choose_by_reference(
-    loop: str, trusted: pd.DataFrame, valid: pd.DataFrame
-) -> tuple[pd.Series, str]:
+def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) -> Choice:
     """The preferred method among those that rest on the reference, and the reason."""
     changing = _select_changing(trusted)
     row = _prefer(trusted)
@@ -115,7 +114,7 @@ def _choose_by_reference(
     return row, f"{feedback}, {reason}"
 
 
-def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Series, str]:
+def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> Choice:
     """The method that explains most of the unseen half, or the preferred one of those that cannot be told from it."""
     unseen = analysis.unseen
     gains = {

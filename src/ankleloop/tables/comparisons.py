@@ -12,7 +12,7 @@ import pandas as pd
 from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.tables.means import COUNTS, count_outcomes, mean_scores, measure_statistics
-from ankleloop.tables.outcomes import Points
+from ankleloop.tables.outcomes import Labels, Points
 from ankleloop.trials.files import atomic_file, write_csv
 
 COMPLETE = "none"  # label of what the complete processing leaves out
@@ -80,7 +80,7 @@ def compare_with_published(
     return table[[*by, *keys, "paper", "mean", "sd", "n", *COUNTS]]
 
 
-def format_table(table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
+def format_table(table: pd.DataFrame, labels: Labels) -> pd.DataFrame:
     """A table as people read it: labels for methods, mean ± half its 95 % interval, difference to the paper, counts."""
     cells = table.drop(columns=["paper", "mean", "sd", "n", *COUNTS])
     cells["method"] = table["method"].map(labels)
@@ -133,9 +133,7 @@ def compare_with_bound(
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), on=keys)
 
 
-def tabulate_omissions(
-    details: pd.DataFrame, points: Points, labels: Mapping[str, str]
-) -> pd.DataFrame:
+def tabulate_omissions(details: pd.DataFrame, points: Points, labels: Labels) -> pd.DataFrame:
     """Means over trials of each method with all steps of the processing and without each, with what that changes."""
     keys = ["point", "method"]
     # The warning that a step is left out is none here.

@@ -16,6 +16,7 @@ MOST_REASONS = 5  # of failures that a sentence each is about
 NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
 Settings = Mapping[str, Any]  # of the simulation, by name
 Points = Mapping[str, Settings]  # of a study, by name
+Labels = Mapping[str, str]  # of methods, by name
 
 CONDITIONS: dict[str, dict[Any, str]] = {
     "closed_loop": {True: "closed loop", False: "open loop"},
@@ -61,7 +62,7 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     return ". ".join(texts)
 
 
-def describe_faults(parameters: pd.DataFrame, labels: Mapping[str, str]) -> str:
+def describe_faults(parameters: pd.DataFrame, labels: Labels) -> str:
     """How many identifications failed, and how many estimates came with a warning, for each method that has any."""
     counts = list_faults(parameters).groupby(parameters["method"], sort=False).sum()
     texts = []

@@ -19,7 +19,7 @@ from ankleloop.quantities import ERRORS, FAULTS, QUANTITIES, SETTINGS, point_col
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.comparisons import format_pairs
 from ankleloop.tables.means import list_faults, means, measure_statistics
-from ankleloop.tables.outcomes import CONDITIONS, Settings
+from ankleloop.tables.outcomes import CONDITIONS, Labels, Settings
 from ankleloop.tables.trial_tables import default_quantities, label_parameter, read_trial_table
 from ankleloop.trials.files import PathLike
 
@@ -45,6 +45,10 @@ EXTREMES = (
 )
 
 
+Axes = tuple[SweepAxis, ...]
+CaptionedFigure = tuple[Figure, str]
+
+
 @dataclass(frozen=True)
 class SweepStudy:
     """A sweep as its report shows it.
@@ -65,11 +69,11 @@ class SweepStudy:
     # A row for each point, method and trial with the quantities, and whether it failed or warned; behind them, as a
     # method of its own, differences of two methods.
     trials: pd.DataFrame
-    parameters: tuple[SweepAxis, ...]  # parameters with more than one value
-    axes: tuple[SweepAxis, ...]  # those that pictures are drawn over
+    parameters: Axes  # parameters with more than one value
+    axes: Axes  # those that pictures are drawn over
     quantities: list[str]  # that are shown
     absent: list[str]  # quantities that the configuration names and the table does not have
-    labels: Mapping[str, str]  # of the methods that are shown
+    labels: Labels  # of the methods that are shown
     difference: str  # label of the difference of two methods; empty without one
     simulation: Settings  # settings that all points share
     styles: Mapping[str, MethodStyle]  # by label
@@ -79,7 +83,7 @@ class SweepStudy:
         cls,
         path: PathLike,
         varied: Sequence[str],
-        methods: Mapping[str, str],
+        methods: Labels,
         settings: Mapping[str, Any],
         simulation: Settings,
         algorithms: Mapping[str, str] | None = None,
@@ -246,7 +250,7 @@ def summarise_effects(
     return summarise_sweep(table, by, quantities).assign(**over_units)
 
 
-def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
+def draw_sweep(sweep: SweepStudy) -> CaptionedFigure:
     """The picture of a sweep with its caption: lines over one axis, maps over two, a matrix of effects over more."""
     if len(sweep.axes) == 2:
         return draw_map(sweep)
@@ -260,7 +264,7 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     return figure, f"{_describe(sweep, sweep.axes)}; {BANDS}.{MARKS}"
 
 
-def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
+def draw_map(sweep: SweepStudy) -> CaptionedFigure:
     """Maps over the first two axes of a sweep; a random design is binned."""
     x, y = sweep.axes[:2]
     table = sweep.trials.assign(x=sweep.trials[x.column], y=sweep.trials[y.column])
@@ -332,16 +336,14 @@ def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
         points = table[(table["quantity"] == name) & (table["method"] == method)]
         if len(points) < 2:
             continue
+        label = QUANTITIES[name].label
         ranks = ("best", "worst") if QUANTITIES[name].goal else ("lowest", "highest")
         for rank, point in zip(ranks, points.iloc[[0, -1]].to_dict("records"), strict=True):
-            rows.append(
-                {
-                    "quantity": QUANTITIES[name].label,
-                    "method": sweep.labels[method],
-                    "rank": rank,
-                    **{axis.heading: axis.format(point[axis.column]) for axis in sweep.parameters},
-                    "mean ± sd": point["text"],
-                    **{count: str(point[count]) for count in ("trials", *FAULTS)},
-                }
-            )
+            row = {"quantity": label, "method": sweep.labels[method], "rank": rank}
+            for axis in sweep.parameters:
+                row[axis.heading] = axis.format(point[axis.column])
+            row["mean ± sd"] = point["text"]
+            for count in ("trials", *FAULTS):
+                row[count] = str(point[count])
+            rows.append(row)
     return pd.DataFrame(rows)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from scipy import stats
 
 from ankleloop.assessment.cramer_rao import trajectory_bound
@@ -128,12 +129,17 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
                 row |= {column: mean, f"{column}_margin": margin}
             curve = curves.get((point, method, name), no_curve)
             scale = 100.0 / curve["truth"].mean()
-            row["bias"] = scale * np.sqrt(((curve["mean"] - curve["truth"]) ** 2).mean())
-            row["random"] = scale * np.sqrt((curve["sd"] ** 2).mean())
+            row["bias"] = scale * _root_mean_square(curve["mean"] - curve["truth"])
+            row["random"] = scale * _root_mean_square(curve["sd"])
             row["total"] = np.hypot(row["bias"], row["random"])
             row["rise"] = rise[0]
             rows.append(row)
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
+
+
+def _root_mean_square(values: pd.Series | xr.DataArray) -> float:
+    """Root of the mean of the squares of what has a value."""
+    return float(np.sqrt((values**2).mean()))
 
 
 def count_cycles(details: pd.DataFrame) -> str:
@@ -184,9 +190,9 @@ def compare_with_bound(details: pd.DataFrame, points: Points, method: str) -> pd
             unit = 100.0 / truths[name].mean()
             means = part[f"{name}_bias"].dropna()
             row = {"point": point, "parameter": name}
-            row["root_error"] = np.sqrt((part[f"{name}_nrmse"] ** 2).mean())
-            row["bound"] = unit * np.sqrt(float((bound[name] ** 2).mean()))
-            row["root_mean_error"] = np.sqrt((means**2).mean())
+            row["root_error"] = _root_mean_square(part[f"{name}_nrmse"])
+            row["bound"] = unit * _root_mean_square(bound[name])
+            row["root_mean_error"] = _root_mean_square(means)
             row["mean_bound"] = unit * float(bound[f"{name}_mean"])
             row["efficiency"] = 100.0 * (row["bound"] / row["root_error"]) ** 2
             row["mean_efficiency"] = 100.0 * (row["mean_bound"] / row["root_mean_error"]) ** 2

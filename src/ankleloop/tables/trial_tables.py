@@ -21,6 +21,7 @@ from ankleloop.methods.registry import METHODS
 from ankleloop.quantities import POINT, QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.captions import label_axis
+from ankleloop.tables.outcomes import Labels
 from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
 
@@ -176,7 +177,7 @@ def default_quantities(columns: Collection[str]) -> list[str]:
     return names + [f"{name}_error" for name in ("K", "G") if name in columns]
 
 
-def label_parameter(name: str, labels: Mapping[str, str]) -> str:
+def label_parameter(name: str, labels: Labels) -> str:
     """Name and unit of a varied setting of the simulation, or option of a method."""
     if name in SimulationSettings.model_fields:
         return label_axis(name)
