@@ -22,6 +22,7 @@ from ankleloop.subspace.moesp import moesp
 log = logging.getLogger(__name__)
 
 COMPARED = ("pr-moesp", "eiv-moesp")
+REGRESSOR_OPTIONS = {"delay", "degree", "identification_rate", "reference"}
 RUNS = 3  # of each method on a trial
 
 Runs = dict[str, Callable[[], Any]]
@@ -78,10 +79,7 @@ def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> Runs
     prepared = prepare(trial)
     runs: Runs = {}
     for method, model in models.items():
-        chosen = {
-            name: getattr(model, name)
-            for name in ("delay", "degree", "identification_rate", "reference")
-        }
+        chosen = model.model_dump(include=REGRESSOR_OPTIONS)
         regressors = prepared.regressors(basis=model.basis or "chebyshev", **chosen)
         arguments = subspace_arguments(model, regressors, method)
         runs[method] = partial(
