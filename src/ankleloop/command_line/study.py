@@ -23,6 +23,8 @@ from ankleloop.command_line.reading import (
 from ankleloop.command_line.terminal import echo, find_options, refuse_existing, show_next
 from ankleloop.options import suggest_name
 
+Values = dict[str, Any]  # by name
+
 ALWAYS = {"position", "torque", "reference", "position_unit", "sampling_rate", "torque_sign"}
 FACTORS = (0.5, 1.0, 2.0)  # of the default, for the values of a sweep
 HEADER = """\
@@ -80,25 +82,19 @@ def study(
         read_run(config, [])
     except ConfigError as error:
         raise click.UsageError(str(error)) from None
-    lines = [
-        textwrap.fill(remark, 120, initial_indent="# ", subsequent_indent="#   ")
-        for remark in remarks
-    ]
+    wrapper = textwrap.TextWrapper(120, initial_indent="# ", subsequent_indent="#   ")
+    parts = [HEADER.format(file=new.name, name=name), *map(wrapper.fill, remarks)]
     plain = json.loads(json.dumps(config))  # what stands twice is no alias then
-    text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, width=120)
+    parts.append(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, width=120))
     with atomic_file(new, overwrite=overwrite) as partial:
-        partial.write_text(
-            "\n".join([HEADER.format(file=new.name, name=name), *lines, text]), encoding="utf-8"
-        )
+        partial.write_text("\n".join(parts), encoding="utf-8")
     echo(f"\n{new} is written.")
     command = shlex.join(["snakemake", "--cores", "2", "--configfile", str(new.absolute())])
     show_next(f"look through {new}, then, in the folder of the repository: {command}")
     return 0
 
 
-def _describe_recordings(
-    files: Sequence[Path], values: dict[str, Any]
-) -> tuple[dict[str, Any], list[str]]:
+def _describe_recordings(files: Sequence[Path], values: Values) -> tuple[Values, list[str]]:
     """Settings of a study of recordings, each of which is read and checked, and what was found."""
     from ankleloop.recordings.validity import usual_methods
 
@@ -116,9 +112,9 @@ def _describe_recordings(
             remarks.append(remark)
             echo(remark)
             _, check = check_file(file, recording)
-        remarks += [
-            f"{name}: {f.verdict}, {f.name}: {f.text}" for f in check.findings if f.verdict != "ok"
-        ]
+        for finding in check.findings:
+            if finding.verdict != "ok":
+                remarks.append(f"{name}: {finding.verdict}, {finding.name}: {finding.text}")
         recordings.append(recording)
         described[name] = {
             "file": file.absolute().relative_to(folder).as_posix(),
@@ -126,10 +122,10 @@ def _describe_recordings(
             **recording.model_dump(mode="json", exclude_defaults=True, exclude={"file"}),
         }
     changing = any(recording.changes for recording in recordings)
-    methods: dict[str, Any] = {}
-    for has_reference in sorted(
-        {"reference" in recording.channels for recording in recordings}, reverse=True
-    ):
+    methods: Values = {}
+    # Those with a reference first.
+    kinds = {"reference" in recording.channels for recording in recordings}
+    for has_reference in sorted(kinds, reverse=True):
         for key, method in usual_methods(reference=has_reference, changing=changing).items():
             stated = {name: value for name, value in method.items() if value}
             if methods.setdefault(key, stated) != stated:
@@ -139,15 +135,16 @@ def _describe_recordings(
         "kind": "recordings",
         "title": "Recordings",
         "folder": str(folder).replace("$", "$$"),
+        "files": described,
+        "methods": methods,
     }
-    return {**settings, "files": described, "methods": methods}, remarks
+    return settings, remarks
 
 
-def _describe_sweep(varied: Sequence[str]) -> dict[str, Any]:
+def _describe_sweep(varied: Sequence[str]) -> Values:
     """Settings of a sweep."""
-    is_varying = any(
-        name.endswith("_variation") for name in varied
-    )  # K, B and G vary with something then
+    # K, B and G vary with something then.
+    is_varying = any(name.endswith("_variation") for name in varied)
     return {
         "kind": "simulation",
         "notebook": "sweep",

@@ -21,17 +21,16 @@ import yaml
 from pydantic import ValidationError
 
 from ankleloop.options import Options, describe_error, suggest_name
+from ankleloop.trials.files import PathLike
 
-PathLike = str | os.PathLike[str]
+Values = dict[str, Any]  # by name
 
 KINDS = {int: "count", bool: "flag", float: "number"}
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-TEMPLATE_KEY = (
-    "__use_yte__"  # makes a YAML file a program of the template engine that Snakemake reads it by
-)
-OTHER_NUMBER = re.compile(
-    r"[-+]?0[0-9bx].*|.*[_:].*"
-)  # 012 (octal, 10), 0x1F (31), 1_2 (12), 1:30 (90)
+# Makes a YAML file a program of the template engine that Snakemake reads it by.
+TEMPLATE_KEY = "__use_yte__"
+# 012 (octal, 10), 0x1F (31), 1_2 (12), 1:30 (90)
+OTHER_NUMBER = re.compile(r"[-+]?0[0-9bx].*|.*[_:].*")
 
 
 class ConfigError(ValueError):
@@ -63,28 +62,29 @@ def check(model: type[Options], values: Any, *place: str) -> Any:
         # A misspelt key comes before a missing one.
         fault = min(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     keys, owner = _locate(model, fault["loc"])
-    kind, name, context = fault["type"], "".join(keys[-1:]), fault.get("ctx", {})
+    kind = fault["type"]
+    context = fault.get("ctx", {})
+    name = "".join(keys[-1:])
+    shown = keys
     if kind.startswith("union_tag"):
         keys.append(context["discriminator"].strip("'"))
     if kind == "extra_forbidden":
+        shown = keys[:-1]
         known = [field.alias or key for key, field in owner.model_fields.items()]
-        sentence = (
-            f"unknown key {name!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
-        )
+        known_here = f"known here: {', '.join(known)}"
+        sentence = f"unknown key {name!r}{suggest_name(name, known)}; {known_here}"
     elif kind in ("missing", "union_tag_not_found"):
         sentence = f"the key {keys.pop()!r} is missing"
     elif kind == "union_tag_invalid":
         sentence = f"must be one of {context['expected_tags']}; got {context['tag']!r}"
     elif kind == "string_pattern_mismatch":
         signs = "_ - ." if "." in context["pattern"] else "_ -"
-        sentence = (
-            f"must consist of letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
-        )
+        form = f"letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
+        sentence = f"must consist of {form}"
     else:
-        sentence = describe_error(fault, owner.unit(name), owner.limits(name)) + _find_remedy(
-            kind, fault["input"]
-        )
-    text = " → ".join((*place, *(keys[:-1] if kind == "extra_forbidden" else keys)))
+        sentence = describe_error(fault, owner.unit(name), owner.limits(name))
+        sentence += _find_remedy(kind, fault["input"])
+    text = " → ".join([*place, *shown])
     raise ConfigError(f"{text}: {sentence.rstrip('.')}.", (*place[1:], *keys))
 
 
@@ -92,11 +92,8 @@ def _find_remedy(kind: str, value: Any) -> str:
     """What to do about quotes, where YAML reads text as a number or a number as text."""
     if kind == "string_type" and value is not None and not isinstance(value, (list, Mapping)):
         return ": put it in quotes"
-    if (
-        kind in ("int_type", "float_type")
-        and isinstance(value, str)
-        and not isinstance(cast_number(value), str)
-    ):
+    is_number = isinstance(value, str) and not isinstance(cast_number(value), str)
+    if kind in ("int_type", "float_type") and is_number:
         return ", which is text: write it without quotes, and powers of ten as 1.0e+3; --config takes no numbers"
     return ""
 
@@ -136,17 +133,16 @@ def check_cases(key: str, names: Iterable[str]) -> None:
     for name in names:
         other = first.setdefault(name.lower(), name)
         if other != name:
-            raise ConfigError(
-                f"{key}: {other!r} and {name!r} differ in capitals only, which some file systems ignore."
+            fault = (
+                f"{other!r} and {name!r} differ in capitals only, which some file systems ignore"
             )
+            raise ConfigError(f"{key}: {fault}.")
 
 
 def find_kind(annotation: Any) -> str:
     """Kind of the values of a field: count, flag, number or text."""
-    types = {
-        kind if isinstance(kind, type) else type(kind)
-        for kind in get_args(annotation) or (annotation,)
-    }
+    kinds = get_args(annotation) or (annotation,)
+    types = {kind if isinstance(kind, type) else type(kind) for kind in kinds}
     return next((word for kind, word in KINDS.items() if kind in types), "text")
 
 
@@ -163,20 +159,20 @@ def expand_path(text: str, place: str) -> Path:
     template = Template(text)
     for name in template.get_identifiers():
         if not os.environ.get(name):
+            fault = f"{place} is {text}, but the environment variable {name} is not set"
             example = f"export {name}=/folder/of/your/recordings (a dollar sign in the name of a folder is $$)"
-            remedy = f"Set it to the folder, for example: {example}."
-            raise ConfigError(
-                f"{place} is {text}, but the environment variable {name} is not set. {remedy}"
-            )
+            raise ConfigError(f"{fault}. Set it to the folder, for example: {example}.")
     return Path(os.path.expanduser(template.safe_substitute(os.environ)))
 
 
 def check_config_file(path: PathLike) -> None:
     r"""Refuse a file in which YAML would lose or change something: a key that stands twice, the subject 012."""
     _parse(path, yaml.load)  # which refuses tags
-    nodes, checked = [_parse(path, yaml.compose)], set()
-    if not isinstance(nodes[0], yaml.MappingNode):
+    root = _parse(path, yaml.compose)
+    if not isinstance(root, yaml.MappingNode):
         raise ConfigError(f"{path}: must have keys at the top level, such as 'studies:'.")
+    nodes = [root]
+    checked = set()
     while nodes:
         node = nodes.pop()
         if node in checked:  # which an alias repeats
@@ -189,33 +185,32 @@ def check_config_file(path: PathLike) -> None:
         elif isinstance(node, yaml.SequenceNode):
             nodes += node.value
         elif kind in ("int", "float") and OTHER_NUMBER.fullmatch(node.value):
-            number, place = yaml.safe_load(node.value), f"{path}, line {node.start_mark.line + 1}"
+            number = yaml.safe_load(node.value)
+            fault = f"YAML reads {node.value} as {number}"
             remedy = f"write {number}, or put '{node.value}' in quotes if it is text"
-            raise ConfigError(f"{place}: YAML reads {node.value} as {number}: {remedy}.")
+            raise ConfigError(f"{path}, line {node.start_mark.line + 1}: {fault}: {remedy}.")
 
 
 def _check_keys(path: PathLike, keys: Sequence[yaml.Node]) -> None:
     """Refuse keys that stand twice, keys that are no text, and the one with which a file is a program."""
     lines: dict[str, int] = {}
     for key in keys:
-        line, kind = key.start_mark.line + 1, key.tag.rpartition(":")[2]
+        name = key.value
+        line = key.start_mark.line + 1
+        kind = key.tag.rpartition(":")[2]
         if kind not in ("str", "merge"):
-            raise ConfigError(
-                f"{path}, line {line}: YAML reads the key {key.value} as {kind}: put it in quotes."
-            )
-        if key.value == TEMPLATE_KEY:
-            fault = (
-                f"with the key {key.value} Snakemake runs Python code of this file when it reads it"
-            )
+            fault = f"YAML reads the key {name} as {kind}: put it in quotes"
+            raise ConfigError(f"{path}, line {line}: {fault}.")
+        if name == TEMPLATE_KEY:
+            fault = f"with the key {name} Snakemake runs Python code of this file when it reads it"
             remedy = "leave it out. If the file is from somebody else, look what it ran"
             raise ConfigError(
                 f"{path}, line {line}: {fault}, before anything can check it: {remedy}."
             )
-        if key.value in lines:
-            raise ConfigError(
-                f"{path}: the key {key.value!r} in line {line} stands in line {lines[key.value]}, too."
-            )
-        lines[key.value] = line
+        if name in lines:
+            fault = f"the key {name!r} in line {line} stands in line {lines[name]}, too"
+            raise ConfigError(f"{path}: {fault}.")
+        lines[name] = line
 
 
 def read_text(path: PathLike) -> str:
@@ -242,21 +237,22 @@ def _parse(path: PathLike, parse: Callable[..., Any]) -> Any:
 
 def find_key(keys: Sequence[str], paths: Sequence[PathLike]) -> str:
     """File and line of a key of the configuration, for error messages."""
-    best, place = 0, ""
+    deepest = 0
+    place = ""
     for path in paths:
         node = _parse(path, yaml.compose)
         for depth, key in enumerate(keys, start=1):
-            pairs: dict[str, tuple[yaml.Node, yaml.Node]] = {}
-            if isinstance(node, yaml.MappingNode):
-                yaml.SafeLoader("").flatten_mapping(
-                    node
-                )  # what it takes over by << stands before its own keys
-                pairs = {name.value: (name, value) for name, value in node.value}
+            if not isinstance(node, yaml.MappingNode):
+                break
+            # What it takes over by << stands before its own keys then.
+            yaml.SafeLoader("").flatten_mapping(node)
+            pairs = {name.value: (name, value) for name, value in node.value}
             if key not in pairs:
                 break
             name, node = pairs[key]
-            if depth >= best:
-                best, place = depth, f"{path}, line {name.start_mark.line + 1}"
+            if depth >= deepest:
+                deepest = depth
+                place = f"{path}, line {name.start_mark.line + 1}"
     return place
 
 
@@ -264,18 +260,21 @@ def read_rows(path: PathLike) -> Iterator[tuple[str, dict[str, str]]]:
     """Place and cells of each row of a CSV table, as text without spaces around it; empty rows are left out."""
     reader = csv.DictReader(io.StringIO(read_text(path)), restkey="", strict=True)
     try:
-        reader.fieldnames = keys = [key.strip() for key in reader.fieldnames or ()]
-        named = list(filter(None, keys))
-        if len(set(named)) < len(named) or any(sign in key for key in keys for sign in ";\t"):
+        keys = [key.strip() for key in reader.fieldnames or ()]
+        reader.fieldnames = keys
+        names = list(filter(None, keys))
+        if len(set(names)) < len(names) or re.search("[;\t]", "".join(names)):
             form = "columns have names of their own, with commas between them (no semicolons, no tabulators)"
             raise ConfigError(f"{path}, line 1: {form}; got {', '.join(keys)}.")
         for row in reader:
-            place, spare = f"{path}, line {reader.line_num}", any(row.pop("", ""))
-            if spare or (None in row.values() and any(row.values())):
+            place = f"{path}, line {reader.line_num}"
+            has_spare = any(row.pop("", ""))
+            has_values = any(row.values())
+            if has_spare or (None in row.values() and has_values):
                 fault = f"the row does not fit the {len(keys)} columns"
                 remedy = "put texts with commas in quotes, and write the commas of empty cells, too"
                 raise ConfigError(f"{place}: {fault}: {remedy}. Is the table cut off?")
-            if any(row.values()):
+            if has_values:
                 yield place, {key: text.strip() for key, text in row.items()}
     except csv.Error as error:
         raise ConfigError(f"{path}, line {reader.line_num}: this is not CSV: {error}.") from None

@@ -7,11 +7,12 @@ from typing import Literal
 
 import yaml
 
-from ankleloop.config.checking import PathLike, check
+from ankleloop.config.checking import check
 from ankleloop.config.points import SIMULATION
 from ankleloop.config.study import SimulatedStudy, Study
 from ankleloop.options import Options, option
 from ankleloop.quantities import SETTINGS
+from ankleloop.trials.files import PathLike
 
 # Of the repository in which the library lies; an installed library has none.
 LIST = Path(__file__).parents[3] / "notebooks" / "notebooks.yaml"

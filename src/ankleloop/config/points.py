@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 
 from ankleloop.config.checking import (
     ConfigError,
+    Values,
     cast_number,
     check,
     expand_path,
@@ -26,7 +27,7 @@ from ankleloop.config.checking import (
 from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.simulation.settings import SimulationSettings
 
-SETTINGS = tuple(SimulationSettings.model_fields)
+SETTING_NAMES = tuple(SimulationSettings.model_fields)
 LOAD = "load"  # as `simulate` has it
 LOAD_SETTINGS = ("load_inertia", "load_viscosity", "load_stiffness")
 SIMULATION = ""  # owner of the settings, beside the methods, which own their options
@@ -36,9 +37,9 @@ WORDS = {"null": None, "true": True, "false": False}  # in tables
 
 Place = tuple[str, ...]
 Methods = Mapping[str, Any]  # `config.settings.MethodSettings` by the names of methods in the study
-Points = tuple[
-    list["Point"], dict[str, dict[str, Any]], dict[str, "Parameter"]
-]  # and all settings of each condition
+Parameters = dict[str, "Parameter"]
+Conditions = dict[str, Values]  # all settings of each
+Points = tuple[list["Point"], Conditions, Parameters]
 Combination = tuple[str, Mapping[str, Any]]  # where it stands, if in a table, and values by column
 
 
@@ -53,24 +54,22 @@ class _Limits(Options):
 
     @model_validator(mode="after")
     def _check_limits(self) -> Self:
-        start, stop = self.start, self.stop
-        if stop < start:
+        start = f"{self.start:g}"
+        if self.stop < self.start:
+            fault = f"stop must be at least start ({start}), got {self.stop:g}"
+            raise ValueError(f"{fault}: values are in ascending order")
+        if self.scale == "logarithmic" and self.start <= 0:
             raise ValueError(
-                f"stop must be at least start ({start:g}), got {stop:g}: values are in ascending order"
-            )
-        if self.scale == "logarithmic" and start <= 0:
-            raise ValueError(
-                f"a logarithmic scale begins above 0, got start: {start:g}; a linear one may hold 0"
+                f"a logarithmic scale begins above 0, got start: {start}; a linear one may hold 0"
             )
         return self
 
     def interpolate(self, shares: Iterable[float], digits: int) -> list[float]:
         """Values at shares of the way from start to stop, rounded."""
-        low, high, is_linear = self.start, self.stop, self.scale == "linear"
-        values = (
-            low + (high - low) * share if is_linear else low * (high / low) ** share
-            for share in shares
-        )
+        if self.scale == "linear":
+            values = [self.start + (self.stop - self.start) * share for share in shares]
+        else:
+            values = [self.start * (self.stop / self.start) ** share for share in shares]
         return [float(f"{value:.{digits}g}") for value in values]
 
 
@@ -96,7 +95,8 @@ class ValueRange(_Limits):
         if self.count:
             return self.interpolate(np.linspace(0.0, 1.0, self.count).tolist(), DIGITS)
         start, stop, step = (Decimal(repr(value)) for value in (self.start, self.stop, self.step))
-        return [float(start + number * step) for number in range(int((stop - start) / step) + 1)]
+        count = int((stop - start) / step) + 1
+        return [float(start + number * step) for number in range(count)]
 
 
 class Design(Options):
@@ -107,7 +107,7 @@ class Design(Options):
         description="number of points; a power of two for sobol", ge=1, le=MAX_POINTS
     )
     seed: int = option(description="seed of the design", ge=0)
-    parameters: dict[str, Any] = Field(
+    parameters: Values = Field(
         description="limits (start, stop, scale) of each parameter, or the list of its values",
         min_length=1,
     )
@@ -116,9 +116,8 @@ class Design(Options):
     def _check_count(self) -> Self:
         power = 1 << self.count.bit_length() - 1
         if self.design == "sobol" and self.count != power:
-            raise ValueError(
-                f"the count of a Sobol design is a power of two: {power} or {2 * power}, got {self.count}"
-            )
+            fault = f"the count of a Sobol design is a power of two: {power} or {2 * power}"
+            raise ValueError(f"{fault}, got {self.count}")
         return self
 
 
@@ -143,12 +142,10 @@ class Point(NamedTuple):
 
     name: str  # its name in tables
     condition: str  # name of its settings alone, by which trials and their seeds are keyed
-    values: dict[
-        str, Any
-    ]  # by column; a parameter that only other points name has the value of the study
-    options: dict[
-        str, dict[str, Any]
-    ]  # of methods that make it, by the name of the method in the study
+    # By column; a parameter that only other points name has the value of the study.
+    values: Values
+    # Of methods that make it, by the name of the method in the study.
+    options: dict[str, Values]
 
 
 def point_name(values: Mapping[str, Any]) -> str:
@@ -162,41 +159,41 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
     parameters, combinations = _list_combinations(place, entry, methods)
     owners = {SIMULATION: shared, **{name: method.options for name, method in methods.items()}}
     points: dict[tuple[Any, ...], Point] = {}
-    conditions: dict[str, dict[str, Any]] = {}
-    checked: dict[
-        tuple[str, str], Options
-    ] = {}  # equal settings, and equal options of a method, are checked once
+    conditions: Conditions = {}
+    # Equal settings, and equal options of a method, are checked once.
+    checked: dict[tuple[str, str], Options] = {}
     for row, given in combinations:
-        where = (row,) if row else ("config", *place)
+        where = [row] if row else ["config", *place]
         models = {}
         for owner, base in owners.items():
             values = _values_of(owner, parameters, given)
             key = (owner, repr(values))
             if key not in checked:
-                values = base.model_dump(exclude_unset=True) | values
-                checked[key] = check(
-                    type(base), values, *where, point_name(given), *filter(None, [owner])
-                )
+                complete = base.model_dump(exclude_unset=True) | values
+                owner_place = [owner] if owner else []
+                checked[key] = check(type(base), complete, *where, point_name(given), *owner_place)
             models[owner] = checked[key]
-        complete = {
+        values = {
             name: _find_value(parameter, models, given.get(name))
             for name, parameter in parameters.items()
         }
-        made = {name: complete[name] for name in given}
-        settings, *options = (_values_of(owner, parameters, made) for owner in owners)
-        chosen = {name: values for name, values in zip(methods, options, strict=True) if values}
-        point = Point(point_name(made), point_name(settings), complete, chosen)
-        if points.setdefault(tuple(complete.values()), point) is not point:
-            raise ConfigError(
-                f"{' → '.join(where)}: the point {point.name} is listed twice.", place
-            )
+        made = {name: values[name] for name in given}
+        options = {name: _values_of(name, parameters, made) for name in owners}
+        settings = options.pop(SIMULATION)
+        point = Point(
+            name=point_name(made),
+            condition=point_name(settings),
+            values=values,
+            options={name: own for name, own in options.items() if own},
+        )
+        if points.setdefault(tuple(values.values()), point) is not point:
+            fault = f"the point {point.name} is listed twice"
+            raise ConfigError(f"{' → '.join(where)}: {fault}.", place)
         conditions.setdefault(point.condition, {**dict(shared), **settings})
     return list(points.values()), conditions, parameters
 
 
-def _values_of(
-    owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, Any]
-) -> dict[str, Any]:
+def _values_of(owner: str, parameters: Parameters, values: Mapping[str, Any]) -> Values:
     """Values of a point that belong to an owner, by their names there."""
     return {
         parameters[name].field: value
@@ -215,68 +212,60 @@ def _find_value(parameter: Parameter, models: Mapping[str, Options], given: Any)
 
 def _list_combinations(
     place: Place, entry: Any, methods: Methods
-) -> tuple[dict[str, Parameter], Iterable[Combination]]:
+) -> tuple[Parameters, Iterable[Combination]]:
     """What varies, and its values at each point, from any form of the key `points`."""
-    if isinstance(entry, Mapping) and "table" in entry:
+    is_mapping = isinstance(entry, Mapping)
+    if is_mapping and "table" in entry:
         table = check(PointTable, entry, "config", *place).table
         rows = list(read_rows(expand_path(table, f"study {place[1]}: the table of its points")))
         if not rows:
             raise key_error(place, f"the table {table} has no rows.")
-        parameters = find_parameters(place, rows[0][1], methods)
+        _, columns = rows[0]
+        parameters = find_parameters(place, columns, methods)
         return parameters, [
-            (row, {name: _cast(parameters[name], cells[name]) for name in cells})
+            (row, {name: _cast(parameters[name], cell) for name, cell in cells.items()})
             for row, cells in rows
         ]
-    if isinstance(entry, Mapping) and "design" in entry:
+    if is_mapping and "design" in entry:
         design: Design = check(Design, entry, "config", *place)
         parameters = find_parameters(place, design.parameters, methods)
         return parameters, _draw_points(design, parameters, (*place, "parameters"))
-    grids = [entry] if isinstance(entry, Mapping) else entry
-    if (
-        not isinstance(grids, list)
-        or not all(isinstance(grid, Mapping) for grid in grids)
-        or not grids
-    ):
-        raise key_error(
-            place, "must be lists of values by setting, or a list of points with their settings."
-        )
-    names = dict.fromkeys(name for grid in grids for name in _list_names(grid))
+    grids = [entry] if is_mapping else entry
+    is_list = isinstance(grids, list) and all(isinstance(grid, Mapping) for grid in grids)
+    if not is_list or not grids:
+        form = "lists of values by setting, or a list of points with their settings"
+        raise key_error(place, f"must be {form}.")
+    names: dict[str, None] = {}
+    for name in itertools.chain(*grids):
+        names |= dict.fromkeys(LOAD_SETTINGS if name == LOAD else [name])
     parameters = find_parameters(place, names, methods)
-    is_grid = isinstance(entry, Mapping)
     lists = [
-        [_list_choices(name, values, parameters, place, is_grid) for name, values in grid.items()]
+        [
+            _list_choices(name, values, parameters, place, is_mapping)
+            for name, values in grid.items()
+        ]
         for grid in grids
     ]
     count = sum(math.prod(map(len, choices)) for choices in lists)
     if count > MAX_POINTS:
-        raise key_error(
-            place,
-            f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies.",
-        )
+        fault = f"{count:,} points are more than {MAX_POINTS:,}"
+        raise key_error(place, f"{fault}: divide them among several studies.")
+    chosen = itertools.chain(*(itertools.product(*choices) for choices in lists))
     return parameters, (
-        ("", _merge(choice)) for choices in lists for choice in itertools.product(*choices)
+        ("", {name: value for part in parts for name, value in part.items()}) for parts in chosen
     )
 
 
-def _list_names(names: Iterable[str]) -> Iterable[str]:
-    """Names of settings and options; a load is three settings."""
-    for name in names:
-        yield from LOAD_SETTINGS if name == LOAD else (name,)
-
-
-def _merge(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    return {name: value for part in parts for name, value in part.items()}
-
-
 def _list_choices(
-    name: str, values: Any, parameters: Mapping[str, Parameter], place: Place, is_grid: bool
-) -> list[dict[str, Any]]:
+    name: str, values: Any, parameters: Parameters, place: Place, is_grid: bool
+) -> list[Values]:
     """Choices of a parameter, each with its value, or with the three values of a load.
 
     In a list of points a single value is a choice, too.
     """
     if name == LOAD:
-        loads = values if _is_list_of_lists(values) else [values]
+        has_lists = isinstance(values, list) and any(isinstance(value, list) for value in values)
+        loads = values if has_lists else [values]
         if not all(isinstance(load, list) and len(load) == len(LOAD_SETTINGS) for load in loads):
             fault = f"must be [inertia, viscosity, stiffness], or a list of those, got {show_value(values)}."
             raise key_error((*place, name), fault)
@@ -285,12 +274,9 @@ def _list_choices(
         values = [values]
     listed = _list_values(parameters[name], values, (*place, name))
     # Several numbers are one value of an option that is a table: a text with commas.
-    texts = [", ".join(map(str, v)) if isinstance(v, list) else v for v in listed]
-    return [{name: value} for value in texts]
-
-
-def _is_list_of_lists(values: Any) -> bool:
-    return isinstance(values, list) and any(isinstance(value, list) for value in values)
+    return [
+        {name: ", ".join(map(str, value)) if isinstance(value, list) else value} for value in listed
+    ]
 
 
 def _cast(parameter: Parameter, value: str) -> Any:
@@ -300,59 +286,62 @@ def _cast(parameter: Parameter, value: str) -> Any:
     return WORDS.get(value.lower(), cast_number(value))
 
 
-def _draw_points(
-    design: Design, parameters: Mapping[str, Parameter], place: Place
-) -> list[Combination]:
+def _draw_points(design: Design, parameters: Parameters, place: Place) -> list[Combination]:
     """Points of a random design."""
     from scipy.stats import qmc
 
     sampler = qmc.Sobol if design.design == "sobol" else qmc.LatinHypercube
     shares = sampler(len(parameters), rng=np.random.default_rng(design.seed)).random(design.count)
     columns = [
-        _list_values(parameters[name], values, (*place, name), column)
+        _draw_values(parameters[name], values, (*place, name), column)
         for (name, values), column in zip(design.parameters.items(), shares.T.tolist(), strict=True)
     ]
     return [("", dict(zip(parameters, row, strict=True))) for row in zip(*columns, strict=True)]
 
 
-def _list_values(
-    parameter: Parameter, values: Any, place: Place, shares: Sequence[float] | None = None
-) -> Sequence[Any]:
-    """Values of a parameter of a grid; of a design those at shares of the way from the first to the last one."""
-    is_count, is_list = parameter.kind == "count", isinstance(values, list) and bool(values)
-    if not is_list and (
-        not isinstance(values, Mapping) or parameter.kind not in ("number", "count")
-    ):
+def _list_values(parameter: Parameter, values: Any, place: Place) -> list[Any]:
+    """Values of a parameter of a grid."""
+    limits = _check_values(parameter, values, place, ValueRange)
+    if isinstance(limits, list):
+        return limits
+    # A count need not hit whole numbers; a step that does not is a mistake, which the model of the option refuses.
+    if parameter.kind == "count" and limits.count:
+        return [round(value) for value in limits.values]
+    return limits.values
+
+
+def _draw_values(
+    parameter: Parameter, values: Any, place: Place, shares: Iterable[float]
+) -> list[Any]:
+    """Values of a parameter of a design, at shares of the way from the first to the last one."""
+    limits = _check_values(parameter, values, place, _Limits)
+    is_count = parameter.kind == "count"
+    if isinstance(limits, list):
+        choices: Sequence[Any] = limits
+    elif is_count and limits.scale == "linear":  # each whole number has the same share
+        choices = range(math.ceil(limits.start), math.floor(limits.stop) + 1)
+    else:
+        drawn = limits.interpolate(shares, DIGITS // 2)
+        return [round(value) for value in drawn] if is_count else drawn
+    return [choices[int(share * len(choices))] for share in shares]
+
+
+def _check_values(parameter: Parameter, values: Any, place: Place, model: type[_Limits]) -> Any:
+    """Values of a parameter as they are listed, or their limits."""
+    if isinstance(values, list) and values:
+        return values
+    if not isinstance(values, Mapping) or parameter.kind not in ("number", "count"):
         form = "a list of values, or of numbers a range (start, stop)"
         raise key_error(place, f"must be {form}, got {show_value(values)}.")
-    limits = (
-        values
-        if is_list
-        else check(ValueRange if shares is None else _Limits, values, "config", *place)
-    )
-    if shares is None:
-        # A count need not hit whole numbers; a step that does not is a mistake, which the model of the option refuses.
-        return (
-            values
-            if is_list
-            else [round(v) if is_count and limits.count else v for v in limits.values]
-        )
-    if (
-        not is_list and is_count and limits.scale == "linear"
-    ):  # each whole number has the same share
-        is_list, values = True, range(math.ceil(limits.start), math.floor(limits.stop) + 1)
-    if is_list:
-        return [values[int(share * len(values))] for share in shares]
-    drawn = limits.interpolate(shares, DIGITS // 2)
-    return [round(value) for value in drawn] if is_count else drawn
+    return check(model, values, "config", *place)
 
 
-def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> dict[str, Parameter]:
+def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> Parameters:
     """What the names in `points` stand for.
 
     A name is that of a setting, or else that of an option, of every method that has it; `METHOD.option` is that of one.
     """
-    parameters: dict[str, Parameter] = {}
+    parameters: Parameters = {}
     fields = {SIMULATION: SimulationSettings.model_fields}
     fields |= {name: type(method.options).model_fields for name, method in methods.items()}
     names_of: dict[tuple[str, str], str] = {}
@@ -361,29 +350,25 @@ def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> dic
         owners = [
             method for method in methods if chosen in ("", method) and field in fields[method]
         ]
-        owners = [SIMULATION] if name in SETTINGS else owners
+        if name in SETTING_NAMES:
+            owners = [SIMULATION]
         if not owners:
-            options = dict.fromkeys(option for method in methods for option in fields[method])
-            known = [
-                *SETTINGS,
-                *options,
-                *(f"{method}.{option}" for method in methods for option in fields[method]),
-            ]
+            pairs = [(method, option) for method in methods for option in fields[method]]
+            options = dict.fromkeys(option for _, option in pairs)
+            known = [*SETTING_NAMES, *options, *map(".".join, pairs)]
             fault = f"{name!r} is not a setting of the simulation{suggest_name(name, known)}"
-            fault += f"; known: {', '.join(SETTINGS)}; nor an option of a method of the study"
+            fault += f"; known: {', '.join(SETTING_NAMES)}; nor an option of a method of the study"
             raise key_error(place, f"{fault}; known: {', '.join(options)}.")
         for owner in owners:
             other = names_of.setdefault((owner, field), name)
             if other != name:
-                raise key_error(
-                    place,
-                    f"{other} and {name} are the same option of the method {owner}: leave one out.",
-                )
-            settings = methods.get(owner)
-            if settings and (
-                field in settings.options.model_fields_set or field in settings.select
-            ):
-                message = f"the method {owner} has {field} under options or select as well: leave it out there."
-                raise key_error((*place, name), message)
-        parameters[name] = Parameter(field, owners, find_kind(fields[owners[0]][field].annotation))
+                fault = f"{other} and {name} are the same option of the method {owner}"
+                raise key_error(place, f"{fault}: leave one out.")
+            if owner == SIMULATION:
+                continue
+            if field in methods[owner].options.model_fields_set | methods[owner].select.keys():
+                fault = f"the method {owner} has {field} under options or select as well"
+                raise key_error((*place, name), f"{fault}: leave it out there.")
+        kind = find_kind(fields[owners[0]][field].annotation)
+        parameters[name] = Parameter(field, owners, kind)
     return parameters

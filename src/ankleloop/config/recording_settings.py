@@ -15,13 +15,13 @@ from pydantic import field_validator, model_validator
 
 from ankleloop.config.checking import (
     ConfigError,
-    PathLike,
     cast_number,
     check,
     find_kind,
     read_rows,
 )
 from ankleloop.options import option, show_value
+from ankleloop.trials.files import PathLike
 from ankleloop.trials.reading_options import ReadingOptions
 
 MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
@@ -104,7 +104,7 @@ class _Row(Recording):
 def read_recordings(path: PathLike, defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
     """Read a table of recordings: the files of each by its name, of which there are several where they are merged."""
     recordings: dict[str, list[Recording]] = {}
-    batches: set[str | None] = set()
+    batches: set[str | None] = set()  # names of merged recordings
     numbers = {
         name for name, field in _Row.model_fields.items() if find_kind(field.annotation) != "text"
     }
@@ -116,19 +116,19 @@ def read_recordings(path: PathLike, defaults: Mapping[str, Any]) -> dict[str, li
             if text
         }
         row = check(_Row, {**defaults, **values}, place)
-        name, part = row.recording_name, Recording(**row.model_dump(exclude={"name", "batch"}))
+        name = row.recording_name
+        part = Recording(**row.model_dump(exclude={"name", "batch"}))
         if not re.fullmatch(RECORDING_NAME, name) or len(name) > MAX_NAME:
             form = f"at most {MAX_NAME} letters A-Z a-z, digits and _ - ., and begin with a letter or digit"
-            remedy = "write another one into the column name"
+            fault = f"the name {show_value(name)} must consist of {form}"
+            raise ConfigError(f"{place}: {fault}: write another one into the column name.")
+        parts = recordings.setdefault(name, [])
+        is_merged = row.batch and name in batches
+        if part in parts or (parts and not is_merged):
+            fault = f"the name {name!r} is taken"
             raise ConfigError(
-                f"{place}: the name {show_value(name)} must consist of {form}: {remedy}."
-            )
-        if part in recordings.get(name, ()) or (
-            name in recordings and not (row.batch and name in batches)
-        ):
-            raise ConfigError(
-                f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own."
+                f"{place}: {fault}; give each row, and each batch, a name of its own."
             )
         batches.add(row.batch)
-        recordings.setdefault(name, []).append(part)
+        parts.append(part)
     return recordings

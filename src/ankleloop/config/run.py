@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ankleloop.config.checking import ConfigError, find_key, key_error
+from ankleloop.config.checking import ConfigError, Values, find_key, key_error
 from ankleloop.config.notebooks import Notebook, find_needs, list_figures, read_notebooks
 from ankleloop.config.points import SIMULATION
 from ankleloop.config.settings import Config
@@ -14,11 +14,12 @@ from ankleloop.config.study import RecordedStudy, SimulatedStudy, Study, read_st
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import decimation_grid
 from ankleloop.options import suggest_name
+from ankleloop.trials.files import PathLike
 
 
 def read_run(
     config: Mapping[str, Any],
-    paths: Sequence[str | os.PathLike[str]],
+    paths: Sequence[PathLike],
     command_line: Mapping[str, Any] | None = None,
     notebooks: Mapping[str, Notebook] | None = None,
 ) -> tuple[Config, dict[str, Study]]:
@@ -26,7 +27,8 @@ def read_run(
     notebooks = read_notebooks() if notebooks is None else notebooks
     try:
         checked, studies = read_studies(config)
-        for study in map(studies.__getitem__, checked.run_names):
+        for name in checked.run_names:
+            study = studies[name]
             if isinstance(study, RecordedStudy):
                 study.check_files()
             elif isinstance(study, SimulatedStudy):
@@ -42,24 +44,22 @@ def read_run(
 
 def describe_article(config: Config) -> str:
     """Sentence that says why a run does not make the ledger and the article; empty if it does, or none is wanted."""
-    missing = [name for name in config.article if name not in config.run_names]
+    missing = ", ".join(name for name in config.article if name not in config.run_names)
     if not missing:
         return ""
-    return f"The ledger and the article are not made, because run leaves out studies of article: {', '.join(missing)}."
+    return f"The ledger and the article are not made, because run leaves out studies of article: {missing}."
 
 
 def check_uses(study: SimulatedStudy) -> None:
     """Refuse a method, a window of figures or a notebook for which the points of a study leave nothing."""
-    settings, place = study.settings, ("studies", study.name)
+    settings = study.settings
+    figure = settings.figure
+    place = ("studies", study.name)
     _check_methods(study)
-    start, end = (
-        settings.figure.start,
-        min(condition["duration"] for condition in study.conditions.values()),
-    )
-    if start >= end and "start" in settings.figure.model_fields_set:
-        raise key_error(
-            (*place, "figure", "start"), f"{start:g} s is after the end of trials of {end:g} s."
-        )
+    end = min(condition["duration"] for condition in study.conditions.values())
+    if figure.start >= end and "start" in figure.model_fields_set:
+        fault = f"{figure.start:g} s is after the end of trials of {end:g} s."
+        raise key_error((*place, "figure", "start"), fault)
     if settings.notebook == "sweep" or "sweep" in settings.model_fields_set:
         try:
             settings.sweep.check(study.varied, study.methods)
@@ -69,7 +69,8 @@ def check_uses(study: SimulatedStudy) -> None:
 
 def check_notebook(study: Study, notebooks: Mapping[str, Notebook]) -> None:
     """Refuse a notebook that there is not, or that lacks something in the study."""
-    name, kind = study.settings.notebook, study.settings.kind
+    name = study.settings.notebook
+    kind = study.settings.kind
     place = ("studies", study.name, "notebook")
     if name is None:
         return
@@ -88,24 +89,19 @@ def _check_methods(study: SimulatedStudy) -> None:
     """Refuse options with which a method could identify no trial, or whose estimates could not be in one file."""
     place = ("studies", study.name)
     for point in study.point_list:
-        duration, rate = (
-            study.conditions[point.condition][name] for name in ("duration", "recording_rate")
-        )
+        condition = study.conditions[point.condition]
+        rate = condition["recording_rate"]
+        samples = round(condition["duration"] * rate)
         for name, method in study.methods.items():
             options = {**method.fixed_options, **point.options.get(name, {})}
-            fault = ""
-            if "identification_rate" in options:
-                delay = options.get("delay") or 0.0
-                try:
-                    decimation_grid(
-                        round(duration * rate), rate, options["identification_rate"], delay
-                    )
-                except DataError as error:
-                    fault = str(error)
-            if fault:
-                raise key_error(
-                    (*place, "methods", name, "options"), f"at the point {point.name}: {fault}"
-                )
+            if "identification_rate" not in options:
+                continue
+            delay = options.get("delay") or 0.0
+            try:
+                decimation_grid(samples, rate, options["identification_rate"], delay)
+            except DataError as error:
+                fault = f"at the point {point.name}: {error}"
+                raise key_error((*place, "methods", name, "options"), fault) from None
     for column, parameter in study.parameters.items():
         is_rate = parameter.field == "identification_rate" and SIMULATION not in parameter.owners
         if is_rate and study.settings.keep != "scores":
@@ -115,12 +111,12 @@ def _check_methods(study: SimulatedStudy) -> None:
 
 def report_parameters(
     study: Study, notebook: Notebook, files: Mapping[str, Iterable[str]], **places: str
-) -> dict[str, Any]:
+) -> Values:
     """Parameters of the notebook of a study: what `ankleloop.pages.study_page.StudyPage` holds.
 
     `files` are its trials, estimates and tables; `places` are `published`, `table_stem`, `figure_stem`.
     """
-    settings, is_simulated = study.settings, isinstance(study, SimulatedStudy)
+    settings = study.settings
     tables = list(files.get("tables", ()))
     parameters = {
         "study": study.name,
@@ -135,9 +131,12 @@ def report_parameters(
         # A file of trials and one of estimates for each chunk of points; one table of all trials, or of recordings one
         # for each chunk.
         **{kind: list(files.get(kind, ())) for kind in ("trials", "estimates")},
-        **({"table_file": "".join(tables)} if is_simulated else {"tables": tables}),
         **places,
     }
+    if isinstance(study, SimulatedStudy):
+        parameters["table_file"] = "".join(tables)
+    else:
+        parameters["tables"] = tables
     if settings.notebook == "sweep":  # settings that all points share, and what its pictures show
         parameters |= {
             "settings": settings.simulation.model_dump(),
@@ -148,10 +147,11 @@ def report_parameters(
 
 def article_parameters(
     studies: Iterable[SimulatedStudy], files: Mapping[str, Mapping[str, Any]], **shared: Any
-) -> dict[str, Any]:
+) -> Values:
     """Parameters of the notebook of the article."""
-    described = {
-        study.name: {
+    described = {}
+    for study in studies:
+        described[study.name] = {
             "title": study.title,
             "trials": study.settings.trials,
             "parameters": study.settings.simulation.model_dump(),
@@ -160,8 +160,6 @@ def article_parameters(
             "methods": study.labels,
             **files[study.name],
         }
-        for study in studies
-    }
     return {
         "title": "Closed-loop identification of ankle dynamics: a replication",
         "studies": described,

@@ -23,7 +23,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
-from ankleloop.config.checking import check, check_cases
+from ankleloop.config.checking import Values, check, check_cases
 from ankleloop.config.recording_settings import MAX_NAME, RECORDING_NAME, Recording
 from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.methods.selection import check_selection
@@ -70,12 +70,12 @@ class MethodSettings(Options):
         return self
 
     @property
-    def fixed_options(self) -> dict[str, Any]:
+    def fixed_options(self) -> Values:
         """Options with their defaults, without those that are to be selected."""
         return {name: value for name, value in self.options if name not in self.select}
 
     @property
-    def identify_options(self) -> dict[str, Any]:
+    def identify_options(self) -> Values:
         """All options that `ankleloop.identify` takes, the candidates of a selection among them."""
         selection = {"select": self.select, "criterion": self.criterion} if self.select else {}
         return {**self.fixed_options, **selection}
@@ -84,13 +84,12 @@ class MethodSettings(Options):
 def _settings_of(options: type[Options], *names: str) -> type[MethodSettings]:
     """Settings of the methods of some names, which have these options."""
     fields = MethodSettings.model_fields
-    method = option(description=fields["method"].description or "")
     chosen = option(description=fields["options"].description or "", default_factory=options)
     return create_model(
         options.__name__.replace("Options", "Settings"),
         __base__=MethodSettings,
         __doc__=f"A method with {options.__name__}.",
-        method=(Literal[names], method),  # type: ignore[arg-type]
+        method=(Literal[names], fields["method"]),  # type: ignore[arg-type]
         options=(options, chosen),
     )
 
@@ -114,7 +113,7 @@ class _OrRegistered:
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    ) -> Values:
         registered = {
             "description": "A method that another package registers: it is looked up when the configuration is read.",
             "type": "object",
@@ -273,7 +272,7 @@ class RecordingsStudy(_StudySettings):
         description="recordings by name; the name appears in the paths of the results",
         default_factory=dict,
     )
-    shared: dict[str, Any] = option(
+    shared: Values = option(
         description="values for recordings that do not give their own",
         alias="defaults",
         default_factory=dict,
@@ -370,7 +369,7 @@ def schema_text() -> str:
     return json.dumps({**header, **schema}, indent=2, ensure_ascii=False) + "\n"
 
 
-def _tidy(schema: dict[str, Any]) -> dict[str, Any]:
+def _tidy(schema: Values) -> Values:
     """A part of the schema without a title that repeats its key, and with the first sentence of its docstring."""
     if isinstance(schema.get("title"), str):
         del schema["title"]

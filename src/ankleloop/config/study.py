@@ -14,7 +14,7 @@ from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from ankleloop.config.checking import check, check_cases, expand_path, key_error
+from ankleloop.config.checking import Values, check, check_cases, expand_path, key_error
 from ankleloop.config.points import Point, list_points
 from ankleloop.config.recording_settings import read_recordings
 from ankleloop.config.settings import Config, RecordingsStudy, SimulationStudy
@@ -38,18 +38,18 @@ class Study:
     """A study under its name."""
 
     varied: Sequence[str] = ()  # names of the columns that differ between the points
-    points: Mapping[
-        str, Mapping[str, Any]
-    ]  # settings of each point, or mapping of each recording, by name
+    # Settings of each point, or mapping of each recording, by name.
+    points: Mapping[str, Mapping[str, Any]]
     chunks: Sequence[Any]
 
     def __init__(self, name: str, settings: Any) -> None:
-        self.name, self.settings, self.methods = name, settings, settings.methods
+        self.name = name
+        self.settings = settings
+        self.methods = settings.methods
         words = re.sub("[_-]+", " ", name).strip()
         self.title: str = settings.title or words[:1].upper() + words[1:]  # heading of its report
-        self.labels = {
-            name: method.label or name for name, method in self.methods.items()
-        }  # for legends
+        # For legends.
+        self.labels = {key: method.label or key for key, method in self.methods.items()}
 
 
 class SimulatedStudy(Study):
@@ -66,19 +66,14 @@ class SimulatedStudy(Study):
         super().__init__(name, settings)
         points = list_points(name, settings.points, settings.simulation, settings.methods)
         self.point_list, self.conditions, self.parameters = points
-        conditions = self.conditions.items()
-        self._samples = {
-            name: round(part["duration"] * part["recording_rate"]) for name, part in conditions
-        }
         self.varied = list(self.parameters)
         # All settings and varied options of each point.
         self.points = {
             point.name: {**self.conditions[point.condition], **point.values}
             for point in self.point_list
         }
-        self.rows = (
-            len(self.point_list) * len(settings.methods) * settings.trials
-        )  # of the table of its trials
+        # Of the table of its trials.
+        self.rows = len(self.point_list) * len(settings.methods) * settings.trials
         self._points_of: dict[str, list[Point]] = {condition: [] for condition in self.conditions}
         for point in self.point_list:
             self._points_of[point.condition].append(point)
@@ -99,7 +94,9 @@ class SimulatedStudy(Study):
 
     def _most_in_file(self, condition: str) -> int:
         """Most trials of a trial file that are like those of a condition."""
-        return min(self.settings.trials_per_chunk, MAX_SAMPLES // self._samples[condition])
+        settings = self.conditions[condition]
+        samples = round(settings["duration"] * settings["recording_rate"])
+        return min(self.settings.trials_per_chunk, MAX_SAMPLES // samples)
 
     def _most_in_chunk(self, condition: str) -> int:
         """Most trials of a chunk that are identified at as many points as those of a condition."""
@@ -108,11 +105,10 @@ class SimulatedStudy(Study):
     def _variables_of(self, condition: str) -> Hashable:
         """What the trials of a file have in common: length, rate and variables."""
         settings = self.conditions[condition]
-        follows_cycle = any(
-            settings[name] for name in ("movement", "locked_torque", "perturbation_locked")
-        )
-        common = ("duration", "recording_rate", "variation")
-        return (*(settings[name] for name in common), follows_cycle)
+        cyclic = ("movement", "locked_torque", "perturbation_locked")
+        follows_cycle = any(settings[name] for name in cyclic)
+        variation = settings["variation"]
+        return settings["duration"], settings["recording_rate"], variation, follows_cycle
 
     def _rate_of(self, condition: str) -> Hashable:
         """What the estimates of a file have in common: length and rate; nothing where none are kept."""
@@ -121,7 +117,7 @@ class SimulatedStudy(Study):
             return None
         return settings["duration"], settings["recording_rate"]
 
-    def simulation(self, parts: Chunk) -> dict[str, Any]:
+    def simulation(self, parts: Chunk) -> Values:
         """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
         conditions = {
             condition: {"settings": self.conditions[condition], "first": first, "stop": stop}
@@ -129,13 +125,14 @@ class SimulatedStudy(Study):
         }
         return {"seed": self.settings.seed, "conditions": conditions}
 
-    def identification(self, chunk: int) -> dict[str, Any]:
+    def identification(self, chunk: int) -> Values:
         """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
-        conditions, parts = {}, self.chunks[chunk]
+        conditions = {}
+        parts = self.chunks[chunk]
         for condition, first, stop in parts:
             points = {
-                p.name: {"values": p.values, "options": p.options}
-                for p in self._points_of[condition]
+                point.name: {"values": point.values, "options": point.options}
+                for point in self._points_of[condition]
             }
             conditions[condition] = {"first": first, "stop": stop, "points": points}
         arguments = {
@@ -186,7 +183,8 @@ def split_trials(
 
 def _hash(*values: Any) -> str:
     """Hash of settings, by which a result knows what made it."""
-    return hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    text = json.dumps(values, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 class RecordedStudy(Study):
@@ -208,18 +206,17 @@ class RecordedStudy(Study):
         return [_hash(chunk, *shared) for chunk in self.chunks]
 
     @cached_property
-    def points(self) -> dict[str, dict[str, Any]]:  # type: ignore[override]
+    def points(self) -> dict[str, Values]:  # type: ignore[override]
         """Mapping of each recording by its name, with paths and mappings of all its files as `paths` and `parts`."""
-        settings, place = self.settings, ("studies", self.name)
+        settings = self.settings
+        place = ("studies", self.name)
         recordings = {name: [recording] for name, recording in settings.files.items()}
         if settings.table:
             path = expand_path(settings.table, f"study {self.name}: the table of its recordings")
             for name, parts in read_recordings(path, settings.shared).items():
                 if name in recordings:
-                    raise key_error(
-                        place,
-                        f"the recording {name!r} is under files and in the table {settings.table}.",
-                    )
+                    fault = f"the recording {name!r} is under files and in the table"
+                    raise key_error(place, f"{fault} {settings.table}.")
                 recordings[name] = parts
         if not recordings:
             raise key_error(place, "name its recordings under files, or a table that lists them.")
@@ -235,22 +232,26 @@ class RecordedStudy(Study):
         }
 
     @cached_property
-    def chunks(self) -> list[dict[str, dict[str, Any]]]:  # type: ignore[override]
+    def chunks(self) -> list[dict[str, Values]]:  # type: ignore[override]
         """Mapping of each recording of each chunk by its name."""
-        items, count = list(self.points.items()), self.settings.recordings_per_chunk
+        items = list(self.points.items())
+        count = self.settings.recordings_per_chunk
         return [dict(items[first : first + count]) for first in range(0, len(items), count)]
 
     def check_files(self) -> None:
         """Refuse a folder that has none of the files, and names that Snakemake would take for wildcards."""
+        place = ("studies", self.name)
+        paths = []
         for name, point in self.points.items():
+            paths += point["paths"]
             for path in point["paths"]:
-                if "{" in path or "}" in path:
-                    message = f"the recording {name}: Snakemake takes the braces of {path} for wildcards: rename it."
-                    raise key_error(("studies", self.name, "files"), message)
-        paths = [path for point in self.points.values() for path in point["paths"]]
+                if re.search("[{}]", path):
+                    fault = f"Snakemake takes the braces of {path} for wildcards: rename it"
+                    raise key_error((*place, "files"), f"the recording {name}: {fault}.")
         if not any(map(os.path.exists, paths)):
-            message = f"none of its {len(paths)} files exists; the first would be {os.path.abspath(paths[0])}."
-            raise key_error(("studies", self.name, "folder"), message)
+            fault = f"none of its {len(paths)} files exists"
+            first = os.path.abspath(paths[0])
+            raise key_error((*place, "folder"), f"{fault}; the first would be {first}.")
 
     def existing_paths(self, chunk: int) -> list[str]:
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
@@ -268,8 +269,8 @@ def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
     for name, settings in checked.studies.items():
         if isinstance(settings, RecordingsStudy):
             studies[name] = RecordedStudy(name, settings)
-        elif name in checked.run_names or not (
-            isinstance(settings.points, Mapping) and "table" in settings.points
-        ):
+            continue
+        has_table = isinstance(settings.points, Mapping) and "table" in settings.points
+        if name in checked.run_names or not has_table:
             studies[name] = SimulatedStudy(name, settings)
     return checked, studies

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
 from ankleloop.methods.entry_points import list_packages
+from ankleloop.trials.files import PathLike
 
 LIBRARY = Path(__file__).parents[2]
 REGISTRY = LIBRARY / "ankleloop" / "methods" / "registry.py"
@@ -27,7 +27,7 @@ IMPORT = re.compile(
 )
 
 
-def fingerprint(*scripts: str | os.PathLike[str]) -> str:
+def fingerprint(*scripts: PathLike) -> str:
     """Hash of all library files that scripts or notebooks reach, directly or through other modules.
 
     A module is reached by an import, at the top or within a function. With it go the data folders beside it, those
@@ -43,7 +43,7 @@ def fingerprint(*scripts: str | os.PathLike[str]) -> str:
     return digest.hexdigest()[:16]
 
 
-def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
+def reached_files(*scripts: PathLike) -> set[Path]:
     """Library files that scripts, notebooks or modules reach, directly or through other modules."""
     modules: set[Path] = set()
     remaining = {file for script in scripts for file in _parse(Path(script))}
@@ -51,13 +51,13 @@ def reached_files(*scripts: str | os.PathLike[str]) -> set[Path]:
         path = remaining.pop()
         modules.add(path)
         remaining |= _parse(path) - modules
-    folders = {folder for path in modules for folder in path.parent.iterdir() if folder.is_dir()}
-    data = [
-        folder
-        for folder in folders
-        if folder.name != "__pycache__" and not any(folder.rglob("*.py"))
-    ]
-    return modules | {file for folder in data for file in folder.rglob("*") if file.is_file()}
+    data: set[Path] = set()
+    for folder in {folder for path in modules for folder in path.parent.iterdir()}:
+        files = [file for file in folder.rglob("*") if file.is_file()]
+        has_modules = any(file.suffix == ".py" for file in files)
+        if folder.name != "__pycache__" and not has_modules:
+            data.update(files)
+    return modules | data
 
 
 @cache
@@ -83,9 +83,8 @@ def _parse(path: Path) -> frozenset[Path]:
 
 def _find_files(name: str) -> Iterable[Path]:
     """File of a module, or the __init__ of a package; other names have none."""
-    if (
-        name == "ankleloop"
-    ):  # it imports its modules when their names are first used, which its source does not show
+    # It imports its modules when their names are first used, which its source does not show.
+    if name == "ankleloop":
         return (LIBRARY / name).rglob("*.py")
     if not name.startswith("ankleloop."):
         return ()

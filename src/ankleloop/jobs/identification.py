@@ -23,21 +23,26 @@ from ankleloop.trials.trial_files import Trials, load_rows
 log = logging.getLogger(__name__)
 
 GROUP_ROWS = 2_000  # that wait as objects; those of a table take much less memory
-TYPES = {"number": pa.float64(), "count": pa.int64(), "flag": pa.bool_(), "text": pa.string()}
+COLUMN_TYPES = {
+    "number": pa.float64(),
+    "count": pa.int64(),
+    "flag": pa.bool_(),
+    "text": pa.string(),
+}
 
 Points = Mapping[str, Mapping[str, Any]]
+Row = dict[str, Any]
+Result = tuple[Estimate | None, Row]  # no estimate where the identification failed
 
 
 def read_trials(path: PathLike, conditions: Points) -> Trials:
     """Trials of a file, those of each condition from `first` to `stop` without it."""
-    return load_rows(
-        path,
-        [
-            (condition, number)
-            for condition, part in conditions.items()
-            for number in range(part["first"], part["stop"])
-        ],
-    )
+    rows = [
+        (condition, number)
+        for condition, part in conditions.items()
+        for number in range(part["first"], part["stop"])
+    ]
+    return load_rows(path, rows)
 
 
 def identify_trials(
@@ -60,34 +65,28 @@ def identify_trials(
     """
     folder = str(Path(files["scores"]).parent)
     estimates = EstimateTable(precision, folder) if "estimates" in files else None
-    types = {point_column(name): TYPES[kind] for name, kind in kinds.items()}
-    tables, waiting = [], []
+    types = {point_column(name): COLUMN_TYPES[kind] for name, kind in kinds.items()}
+    tables = []
+    waiting = []
     for condition, number, trial in trials:
         prepared = trial if isinstance(trial, str) else PreparedTrial(trial)
-        results: dict[
-            tuple[str, str], tuple[Estimate | None, dict[str, Any]]
-        ] = {}  # by method and its options
+        # By method and its options.
+        results: dict[tuple[str, str], Result] = {}
         for point, part in conditions[condition]["points"].items():
+            values = {point_column(column): value for column, value in part["values"].items()}
             for name, method in methods.items():
                 options = {**method["options"], **part["options"].get(name, {})}
                 key = (name, repr(options))
+                place = f"study {study}, point {point}, trial {number}, method {name}"
                 if key not in results:
-                    with locate_errors(
-                        f"study {study}, point {point}, trial {number}, method {name}"
-                    ):
+                    with locate_errors(place):
                         results[key] = _identify(prepared, method["method"], options, against)
                 estimate, row = results[key]
                 if "failure" in row:
                     log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
                 if estimate is not None and estimates is not None:
                     estimates.add(estimate, point=point, name=name, number=number)
-                keys = {
-                    "study": study,
-                    "point": point,
-                    **{point_column(column): value for column, value in part["values"].items()},
-                    "method": name,
-                    "trial": number,
-                }
+                keys = {"study": study, "point": point, **values, "method": name, "trial": number}
                 waiting.append(keys | row)
         if len(waiting) >= GROUP_ROWS:
             tables.append(as_table(waiting, types))
@@ -105,17 +104,16 @@ def identify_trials(
 
 def _identify(
     trial: PreparedTrial | str, method: str, options: Mapping[str, Any], against: Any
-) -> tuple[Estimate | None, dict[str, Any]]:
+) -> Result:
     """Estimate of a trial with its scores and parameters as a row, or without it the reason of the failure."""
     if isinstance(trial, str):
         return None, {"failure": f"the trial could not be simulated: {trial}"}
+    row: Row = {}
     try:
         estimate = identify(trial, method, **options)
-        scores = list(score_torques(trial, estimate, against))
-        parameters = parameter_row(trial, estimate)
+        for torque, target, *values in score_torques(trial, estimate, against):
+            names = [f"vaf_{torque}_{target}{end}" for end in ("", *ENDS)]
+            row |= zip(names, values, strict=True)
+        return estimate, row | parameter_row(trial, estimate)
     except NUMERICAL_ERRORS as error:
         return None, {"failure": describe_error(error)}
-    names = [f"vaf_{torque}_{target}{end}" for torque, target, *_ in scores for end in ("", *ENDS)]
-    return estimate, dict(
-        zip(names, (value for _, _, *row in scores for value in row), strict=True)
-    ) | parameters

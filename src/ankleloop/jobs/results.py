@@ -20,7 +20,7 @@ import pandas as pd
 
 import ankleloop
 from ankleloop.jobs.fingerprint import hash_file
-from ankleloop.trials.files import atomic_file
+from ankleloop.trials.files import PathLike, atomic_file
 
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"  # Process Run Crate: one action, from objects to results
 LICENCE = "https://spdx.org/licenses/MIT"
@@ -40,52 +40,53 @@ DIAGRAM_CAPTIONS = {
     "figure1": "The joint with its intrinsic and its reflex path.",
     "figure2": "The joint with its load in closed loop.",
 }
+FIGURE_KINDS = ("PNG", "PDF", "SVG", "CSV")
 NO_NUMBER = "–"
-TIMES = {"s": "seconds", "cpu_time": "cpu_seconds"}  # columns of benchmark files
+BENCHMARK_TIMES = {"s": "seconds", "cpu_time": "cpu_seconds"}  # columns of benchmark files
 # Columns of the table of studies, by what they are made of.
-COLUMNS = {
+STUDY_COLUMNS = {
     "title": "title",
     "study": "study",
     "kind": "data",
     "points": "points",
     "methods": "methods",
+    "trials": "trials per point",
+    "seed": "seed",
+    "minutes": "time of its jobs [min]",
 }
-COLUMNS |= {"trials": "trials per point", "seed": "seed", "minutes": "time of its jobs [min]"}
 
 Provenance = Mapping[str, Any]
-Studies = Mapping[
-    str, Mapping[str, Any]
-]  # title, kind, points, methods, trials, seed, tables of recordings of each
+Figures = dict[str, list[dict[str, Any]]]  # by heading
+# Title, kind, points, methods, trials, seed, tables of recordings of each.
+Studies = Mapping[str, Mapping[str, Any]]
 
 
-def read_provenance(root: str | os.PathLike[str]) -> dict[str, Any]:
+def read_provenance(root: PathLike) -> dict[str, Any]:
     """Read version, commit (empty outside of a working copy of git), whether files differ from it, and packages."""
-    commit = (
-        _ask_git(root, "rev-parse", "HEAD") if os.path.exists(os.path.join(root, ".git")) else ""
-    )
+    is_copy = Path(root, ".git").exists()
+    commit = _ask_git(root, "rev-parse", "HEAD") if is_copy else ""
+    changes = _ask_git(root, "status", "--porcelain", "--untracked-files=no") if commit else ""
     packages = {
         d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]
     }
     return {
         "version": ankleloop.__version__,
         "commit": commit,
-        "changed": bool(commit)
-        and bool(_ask_git(root, "status", "--porcelain", "--untracked-files=no")),
+        "changed": bool(changes),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.release()} on {platform.machine()}",
         "packages": dict(sorted(packages.items())),
     }
 
 
-def _ask_git(root: str | os.PathLike[str], *arguments: str) -> str:
+def _ask_git(root: PathLike, *arguments: str) -> str:
     """Answer of git; empty where it has none, or there is no git."""
     command = ["git", "--no-optional-locks", "-C", os.fspath(root), *arguments]
     try:
-        return subprocess.run(
-            command, capture_output=True, text=True, check=True, timeout=60
-        ).stdout.strip()
+        answer = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
     except (OSError, subprocess.SubprocessError):
         return ""
+    return answer.stdout.strip()
 
 
 def write_crate(
@@ -96,9 +97,8 @@ def write_crate(
     seeds: Mapping[str, int],
 ) -> None:
     """Write the metadata of a run beside its results."""
-    from rocrate.rocrate import (
-        ROCrate,
-    )  # here: a package of the workflow, which the library does without
+    # Here: a package of the workflow, which the library does without.
+    from rocrate.rocrate import ROCrate
 
     crate = ROCrate()
 
@@ -107,48 +107,52 @@ def write_crate(
 
     def add_file(path: Path, **properties: Any) -> Any:
         relative = path.relative_to(folder).as_posix()
-        kind = mimetypes.guess_type(path.name)[0] or "application/octet-stream"
-        found = {"name": relative, "encodingFormat": kind, "contentSize": str(path.stat().st_size)}
-        return crate.add_file(
-            path, relative, properties={**found, "sha256": hash_file(path), **properties}
-        )
+        kind, _ = mimetypes.guess_type(path.name)
+        described = {
+            "name": relative,
+            "encodingFormat": kind or "application/octet-stream",
+            "contentSize": str(path.stat().st_size),
+            "sha256": hash_file(path),
+            **properties,
+        }
+        return crate.add_file(path, relative, properties=described)
 
     version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
-    version += " with changes that are not committed" * provenance["changed"]
+    if provenance["changed"]:
+        version += " with changes that are not committed"
     packages = {"Python": provenance["python"], **provenance["packages"]}
-    details = {
-        "softwareVersion": version,
-        "operatingSystem": provenance["system"],
-        "license": LICENCE,
-    }
-    details["softwareRequirements"] = [
-        f"{name} {release}" for name, release in packages.items() if name != "ankleloop"
-    ]
-    program = add("#ankleloop", "SoftwareApplication", name="ankleloop", **details)
-    named = [
+    program = add(
+        "#ankleloop",
+        "SoftwareApplication",
+        name="ankleloop",
+        softwareVersion=version,
+        operatingSystem=provenance["system"],
+        license=LICENCE,
+        softwareRequirements=[
+            f"{name} {release}" for name, release in packages.items() if name != "ankleloop"
+        ],
+    )
+    seed_values = [
         add(f"#seed-{study}", "PropertyValue", name=f"seed of {study}", value=seed)
         for study, seed in seeds.items()
     ]
     settings = add_file(
-        configuration, name="Configuration of the run, with all defaults", variableMeasured=named
+        configuration,
+        name="Configuration of the run, with all defaults",
+        variableMeasured=seed_values,
     )
-    files = {
-        file
-        for output in map(Path, outputs)
-        for file in [output, *output.rglob("*")]
-        if file.is_file()
-    }
-    made = [add_file(file) for file in sorted(files - {configuration})]
-    ended = datetime.fromtimestamp(
-        max(file.stat().st_mtime for file in files | {configuration}), UTC
-    ).isoformat()
-    crate.add_action(
-        program, "#run", [settings], made, {"name": "Run of the workflow", "endTime": ended}
-    )
-    crate.name, crate.license, crate.description = TITLE, LICENCE, f"Made by ankleloop {version}."
-    crate.root_dataset["conformsTo"] = add(
-        PROFILE, "CreativeWork", name="Process Run Crate", version="0.5"
-    )
+    files = {configuration}
+    for output in map(Path, outputs):
+        files |= set(filter(Path.is_file, [output, *output.rglob("*")]))
+    results = [add_file(file) for file in sorted(files - {configuration})]
+    end = datetime.fromtimestamp(max(file.stat().st_mtime for file in files), UTC)
+    action = {"name": "Run of the workflow", "endTime": end.isoformat()}
+    crate.add_action(program, "#run", [settings], results, action)
+    crate.name = TITLE
+    crate.license = LICENCE
+    crate.description = f"Made by ankleloop {version}."
+    profile = add(PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
+    crate.root_dataset["conformsTo"] = profile
     with atomic_file(folder / crate.metadata.id, overwrite=True) as partial:
         text = json.dumps(crate.metadata.generate(), indent=4, sort_keys=True, ensure_ascii=False)
         partial.write_text(text, encoding="utf-8")
@@ -171,21 +175,21 @@ def collect_results(
     rows = [
         {**study, "study": name, "minutes": minutes.get(name)} for name, study in studies.items()
     ]
-    table = pd.DataFrame(rows, dtype=object)
+    table = pd.DataFrame(rows, columns=list(STUDY_COLUMNS), dtype=object)
     left_out = OF_ARTICLE if ledger is None else set()
     recordings = _tabulate_recordings(studies)
     return {
         "links": {
             text: path for text, path in LINKS.items() if path not in left_out and find(path)
         },
-        "studies": table[list(COLUMNS)].map(_format_cell).rename(columns=COLUMNS),
+        "studies": table.map(_format_cell).rename(columns=STUDY_COLUMNS),
         "study_links": [find(f"reports/{name}.html") for name in studies],
         "figures": _collect_figures(folder, studies),
         "recordings": recordings,
         "recording_links": [
             find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()
         ],
-        "provenance": _describe_provenance(provenance, times),
+        "provenance": list(_describe_provenance(provenance, times).items()),
     }
 
 
@@ -206,66 +210,70 @@ def _format_cell(value: Any) -> str:
 def read_run_times(folder: Path, jobs: Iterable[str]) -> pd.DataFrame:
     """Times of jobs, from the benchmark files that Snakemake leaves beside their logs."""
     rows = []
-    for path in (folder / f"{job}.tsv" for job in jobs):
-        if path.exists():
-            values = pd.read_csv(path, sep="\t", na_values="-").iloc[-1]
-            study = path.relative_to(folder).with_suffix("").parts[1:2]
-            row = {"study": "".join(study), "end": path.stat().st_mtime}
-            rows.append(row | {name: float(values[column]) for column, name in TIMES.items()})
-    return pd.DataFrame(rows, columns=["study", *TIMES.values(), "end"])
+    for job in jobs:
+        path = folder / f"{job}.tsv"
+        if not path.exists():
+            continue
+        values = pd.read_csv(path, sep="\t", na_values="-").iloc[-1]
+        row = {name: float(values[column]) for column, name in BENCHMARK_TIMES.items()}
+        study = Path(job).parts[1:2]
+        rows.append({"study": "".join(study), **row, "end": path.stat().st_mtime})
+    return pd.DataFrame(rows, columns=["study", *BENCHMARK_TIMES.values(), "end"])
 
 
-def _collect_figures(folder: Path, studies: Studies) -> dict[str, list[dict[str, Any]]]:
+def _collect_figures(folder: Path, studies: Studies) -> Figures:
     """Figures by headings, with the captions that their notebooks give them."""
     captions = [("Diagrams", DIAGRAM_CAPTIONS)]
-    for name, study in studies.items():
-        path = folder / "rendered" / name / "captions.json"
+    for study, description in studies.items():
+        path = folder / "rendered" / study / "captions.json"
         if path.exists():
-            captions.append((study["title"], json.loads(path.read_text(encoding="utf-8"))))
-    figures: dict[str, list[dict[str, Any]]] = {}
-    for heading, name, caption in (
-        (heading, *item) for heading, texts in captions for item in texts.items()
-    ):
-        paths = {kind: f"figures/{name}.{kind.lower()}" for kind in ("PNG", "PDF", "SVG", "CSV")}
-        files = {kind: path for kind, path in paths.items() if (folder / path).exists()}
-        if "PNG" in files:
-            figures.setdefault(heading, []).append(
-                {"name": name, "files": files, "caption": caption}
-            )
+            captions.append((description["title"], json.loads(path.read_text(encoding="utf-8"))))
+    figures: Figures = {}
+    for heading, texts in captions:
+        for name, caption in texts.items():
+            paths = {kind: f"figures/{name}.{kind.lower()}" for kind in FIGURE_KINDS}
+            files = {kind: path for kind, path in paths.items() if (folder / path).exists()}
+            if "PNG" in files:
+                figure = {"name": name, "files": files, "caption": caption}
+                figures.setdefault(heading, []).append(figure)
     return figures
 
 
 def _tabulate_recordings(studies: Studies) -> pd.DataFrame:
     """A row for each recording with its verdict and the method that is recommended."""
-    groups, rows = ["subject", "condition", "trial", "verdict"], []
-    for study, path in (
-        (name, path) for name in studies for path in studies[name].get("recordings", ())
-    ):
-        # Where all recordings of a chunk are refused, their table has no methods.
-        tables = pd.read_parquet(path).reindex(
-            columns=["recording", *groups, "label", "recommended"]
-        )
-        for recording, table in tables.groupby("recording", sort=False):
-            labels = table.loc[table["recommended"].eq(True), "label"]
-            first = {key: _format_cell(table.iloc[0][key]) for key in groups}
-            recommended = ", ".join(labels) or NO_NUMBER
-            rows.append(
-                {"recording": recording, "study": study, **first, "recommended method": recommended}
-            )
+    groups = ["subject", "condition", "trial", "verdict"]
+    rows = []
+    for study, description in studies.items():
+        for path in description.get("recordings", ()):
+            # Where all recordings of a chunk are refused, their table has no methods.
+            columns = ["recording", *groups, "label", "recommended"]
+            tables = pd.read_parquet(path).reindex(columns=columns)
+            for recording, table in tables.groupby("recording", sort=False):
+                labels = table.loc[table["recommended"].eq(True), "label"]
+                row = {
+                    "recording": recording,
+                    "study": study,
+                    **table[groups].iloc[0].map(_format_cell),
+                    "recommended method": ", ".join(labels) or NO_NUMBER,
+                }
+                rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _describe_provenance(provenance: Provenance, times: pd.DataFrame) -> list[tuple[str, str]]:
+def _describe_provenance(provenance: Provenance, times: pd.DataFrame) -> dict[str, str]:
+    """Versions and times of a run in words."""
     commit = provenance["commit"] or "unknown: these files are no working copy of git"
-    items = [
-        ("Version", f"ankleloop {provenance['version']}"),
-        ("Commit", commit + ", with changes that are not committed" * provenance["changed"]),
-        ("Python", f"{provenance['python']}, {provenance['system']}"),
-    ]
+    if provenance["changed"]:
+        commit += ", with changes that are not committed"
+    texts = {
+        "Version": f"ankleloop {provenance['version']}",
+        "Commit": commit,
+        "Python": f"{provenance['python']}, {provenance['system']}",
+    }
     if len(times):
-        ends = ((times["end"] - times["seconds"]).min(), times["end"].max())
+        ends = [(times["end"] - times["seconds"]).min(), times["end"].max()]
         first, last = (f"{datetime.fromtimestamp(end, UTC):%Y-%m-%d %H:%M}" for end in ends)
         seconds, processor = times[["seconds", "cpu_seconds"]].sum() / 60.0
-        items.append(("Jobs", f"{len(times)}, from {first} to {last} UTC"))
-        items.append(("Time of all jobs", f"{seconds:.1f} min, processor time {processor:.1f} min"))
-    return items
+        texts["Jobs"] = f"{len(times)}, from {first} to {last} UTC"
+        texts["Time of all jobs"] = f"{seconds:.1f} min, processor time {processor:.1f} min"
+    return texts

@@ -29,7 +29,8 @@ VAF_COLUMNS = {
     "intrinsic": "vaf_intrinsic_true",
     "reflex": "vaf_reflex_true",
 }
-ONE_PASS, CONVERGED = "parallel-cascade-one-pass", "parallel-cascade"
+CASCADE_ONCE = "parallel-cascade-one-pass"
+CASCADE_CONVERGED = "parallel-cascade"
 PULSES = {"perturbation": "pulses", "reflex_gain": 5.0}  # what the real-time algorithm needs
 REPLICATES = 2000  # of the bootstrap
 MOST_RESULTS = 8  # of comparisons that a reason lists; of more it has the decisive one
@@ -48,9 +49,8 @@ class StudyResults:
 
     name: str
     points: Mapping[str, Mapping[str, Any]]  # simulation settings of each point
-    table: (
-        pd.DataFrame
-    )  # its trials, as `ankleloop.tables.trial_tables.read_trial_table` reads them
+    # Its trials, as `ankleloop.tables.trial_tables.read_trial_table` reads them.
+    table: pd.DataFrame
     labels: Mapping[str, str] = field(default_factory=dict)  # readable name of each method
 
     def point(self, settings: Mapping[str, Any]) -> str:
@@ -59,29 +59,22 @@ class StudyResults:
         Of several such points, that with the defaults of the simulation in everything by which they differ: a further
         point of the study changes nothing.
         """
-        points = [
-            point for point, values in self.points.items() if settings.items() <= values.items()
-        ]
+        defaults = SimulationSettings.defaults().items()
+        # What is not by default at each point.
+        special = {
+            point: values.items() - defaults
+            for point, values in self.points.items()
+            if settings.items() <= values.items()
+        }
+        points = list(special)
         if len(points) > 1:
-            first, defaults = self.points[points[0]], SimulationSettings.defaults()
-            varied = [
-                name
-                for name in first
-                if any(self.points[point].get(name) != first[name] for point in points)
-            ]
-            points = [
-                point
-                for point in points
-                if all(self.points[point][name] == defaults[name] for name in varied)
-            ]
+            shared = set.intersection(*special.values())
+            points = [point for point, own in special.items() if own == shared]
         if len(points) != 1:
             number = "several points" if points else "no point"
-            condition = ", ".join(
-                f"{label_setting(name)[0]} {value}" for name, value in settings.items()
-            )
-            raise MissingEvidence(
-                f"the study {self.name} has {number} with {condition or 'its settings'}."
-            )
+            words = [f"{label_setting(name)[0]} {value}" for name, value in settings.items()]
+            condition = ", ".join(words) or "its settings"
+            raise MissingEvidence(f"the study {self.name} has {number} with {condition}.")
         return points[0]
 
 
@@ -112,14 +105,17 @@ class Case:
         It is a column of the table, the VAF of a torque [%], or `K_error` [%]; a failed trial has no VAF, and nan for a
         parameter.
         """
-        results, column = self.study(study), VAF_COLUMNS.get(quantity, quantity)
-        point, table = results.point({**self.settings, **own}), results.table
+        results = self.study(study)
+        table = results.table
+        column = VAF_COLUMNS.get(quantity, quantity)
+        point = results.point({**self.settings, **own})
         rows = table[(table["point"] == point) & (table["method"] == method)].set_index("trial")
         if column == "K_error":
             values = 100.0 * (rows["K"] / results.points[point]["stiffness"] - 1.0)
         else:
             values = rows.reindex(columns=[column])[column].astype(float)
-        values = values.dropna() if column.startswith("vaf_") else values
+        if column.startswith("vaf_"):
+            values = values.dropna()
         if values.empty:
             raise MissingEvidence(f"the study {study} has no {column} of {method} at {point}.")
         return values
@@ -136,17 +132,15 @@ class Case:
         """A further measurement with its interval."""
         if quantity not in self.measurements.index:
             raise MissingEvidence(f"{quantity} was not measured.")
-        return Measurement(
-            *self.measurements.reindex(columns=["value", "low", "high"]).loc[quantity].astype(float)
-        )
+        row = self.measurements.loc[quantity].reindex(["value", "low", "high"])
+        return Measurement(*row.astype(float))
 
     def within(
         self, label: str, ours: Quantity, paper: float = 0.0, *, control: bool = False
     ) -> Comparison:
         """A comparison that accepts differences of either sign up to the tolerance."""
-        return Comparison(
-            label, ours, (-self.claim.tolerance, self.claim.tolerance), paper, control=control
-        )
+        accepted = (-self.claim.tolerance, self.claim.tolerance)
+        return Comparison(label, ours, accepted, paper, control=control)
 
     def above(
         self, label: str, ours: Quantity, paper: float = 0.0, *, size: bool = False
@@ -170,18 +164,19 @@ class Case:
         Our value is that of the comparison that decides, if none is given.
         """
         judged = judge(comparisons)
-        ours, decisive = ours or judged.decisive.ours, judged.decisive
-        listed = comparisons if len(comparisons) <= MOST_RESULTS else [decisive]
-        reason = f"{what}: {', '.join(map(_describe, listed))}"
-        if len(listed) < len(comparisons):
-            reason += f" (of {len(comparisons)} results the decisive one)"
+        decisive = judged.decisive
+        ours = ours or decisive.ours
+        reason = f"{what}: {', '.join(map(_describe, comparisons))}"
+        if len(comparisons) > MOST_RESULTS:
+            results = f"(of {len(comparisons)} results the decisive one)"
+            reason = f"{what}: {_describe(decisive)} {results}"
         parts = [reason, remark, judged.explanation]
-        has_condition = judged.verdict == judgement.REPRODUCED and isinstance(
-            self.claim.conditions, str
-        )
+        verdict = judged.verdict
+        if verdict == judgement.REPRODUCED and isinstance(self.claim.conditions, str):
+            verdict = judgement.CONDITIONAL
         low, high = decisive.interval(judged.level)
         return {
-            "verdict": judgement.CONDITIONAL if has_condition else judged.verdict,
+            "verdict": verdict,
             "ours": ours.value,
             "uncertainty": half_interval(ours),
             "difference": decisive.difference,
@@ -214,37 +209,34 @@ def _describe(comparison: Comparison) -> str:
 def check_mean(case: Case, study: str, quantity: str, method: str) -> Row:
     """A number of the paper is the mean over trials at the settings of the claim."""
     mean = case.mean(study, quantity, method)
-    remark = (
-        "the recording is not public, and this is a simulated stand-in"
-        if np.isnan(case.claim.tolerance)
-        else ""
-    )
-    shown = QUANTITIES[VAF_COLUMNS.get(quantity, quantity)]
-    words = "VAF" if quantity.startswith("vaf_") or quantity in VAF_COLUMNS else shown.symbol
-    return case.compare(
-        f"mean {words} [{shown.unit}]", [case.within("", mean, case.claim.paper)], remark
-    )
+    column = VAF_COLUMNS.get(quantity, quantity)
+    shown = QUANTITIES[column]
+    words = "VAF" if column.startswith("vaf_") else shown.symbol
+    remark = ""
+    if np.isnan(case.claim.tolerance):
+        remark = "the recording is not public, and this is a simulated stand-in"
+    comparison = case.within("", mean, case.claim.paper)
+    return case.compare(f"mean {words} [{shown.unit}]", [comparison], remark)
 
 
 def check_alike(case: Case, first: str, second: str, *torques: str) -> Row:
     """VAFs by two methods differ little, on the same trials."""
     labels = [case.study("table1").labels.get(method, method) for method in (first, second)]
-    leads = {torque: case.lead("table1", (torque, first), (torque, second)) for torque in torques}
-    comparisons = [case.within(torque, lead) for torque, lead in leads.items()]
+    comparisons = [
+        case.within(torque, case.lead("table1", (torque, first), (torque, second)))
+        for torque in torques
+    ]
     return case.compare(f"VAF by {labels[0]} less that by {labels[1]} [points]", comparisons)
 
 
 def check_cascade_net_good(case: Case) -> Row:
     """One pass of the parallel cascade gives a good net torque from poor parts."""
-    net = case.mean("table1", "net", ONE_PASS)
-    leads = {
-        part: case.lead("table1", ("net", ONE_PASS), (part, ONE_PASS))
-        for part in ("intrinsic", "reflex")
-    }
-    comparisons = [case.above(f"net less {part} torque", lead) for part, lead in leads.items()]
-    return case.compare(
-        "VAF [%]", [case.within("net torque", net, case.claim.paper), *comparisons], ours=net
-    )
+    net = case.mean("table1", "net", CASCADE_ONCE)
+    comparisons = [case.within("net torque", net, case.claim.paper)]
+    for part in ("intrinsic", "reflex"):
+        lead = case.lead("table1", ("net", CASCADE_ONCE), (part, CASCADE_ONCE))
+        comparisons.append(case.above(f"net less {part} torque", lead))
+    return case.compare("VAF [%]", comparisons, ours=net)
 
 
 def check_cascade_better_in_open_loop(case: Case) -> Row:
@@ -252,7 +244,7 @@ def check_cascade_better_in_open_loop(case: Case) -> Row:
     comparisons = []
     for part in ("intrinsic", "reflex"):
         opened, closed = (
-            case.mean("voluntary", part, ONE_PASS, closed_loop=loop) for loop in (False, True)
+            case.mean("voluntary", part, CASCADE_ONCE, closed_loop=loop) for loop in (False, True)
         )
         comparisons.append(case.above(f"{part} torque", opened - closed))
     return case.compare("VAF in open loop less that in closed loop [points]", comparisons)
@@ -269,11 +261,12 @@ def check_figure4_pr(case: Case) -> Row:
 
 def check_figure4_cascade_biased(case: Case) -> Row:
     """The intrinsic torque by one pass of the parallel cascade is wrong at every gain, most of all at the highest."""
-    gains = case.settings["reflex_gain"]
-    means = [case.mean("figure4", "intrinsic", ONE_PASS, reflex_gain=gain) for gain in gains]
-    comparisons = [
-        case.below(f"gain {gain:g}", mean, 100.0) for gain, mean in zip(gains, means, strict=True)
-    ]
+    means = []
+    comparisons = []
+    for gain in case.settings["reflex_gain"]:
+        mean = case.mean("figure4", "intrinsic", CASCADE_ONCE, reflex_gain=gain)
+        means.append(mean)
+        comparisons.append(case.below(f"gain {gain:g}", mean, 100.0))
     fall = case.below("highest gain less lowest", means[-1] - means[0])
     return case.compare("intrinsic VAF [%]", [*comparisons, fall])
 
@@ -282,7 +275,7 @@ def check_figure4_cascade_falls(case: Case) -> Row:
     """The intrinsic VAF of one pass of the parallel cascade falls with the gain: rank correlation with its interval."""
     gains = case.settings["reflex_gain"]
     trials = {
-        gain: case.values("figure4", "intrinsic", ONE_PASS, reflex_gain=gain).to_numpy()
+        gain: case.values("figure4", "intrinsic", CASCADE_ONCE, reflex_gain=gain).to_numpy()
         for gain in gains
     }
     remark = f"from {trials[gains[0]].mean():.1f} to {trials[gains[-1]].mean():.1f} % over {len(gains)} gains"
@@ -297,17 +290,17 @@ def bootstrap_rank_correlation(trials: Mapping[float, np.ndarray]) -> Measuremen
     the trials twice, and a rank correlation suffers from noise: its replicates may all be closer to zero than itself.
     They show then that it is uncertain, and not that it is wrong.
     """
-    gains, rng = list(trials), np.random.default_rng(0)
-    value = float(
-        _rank_correlation(gains, np.array([[values.mean() for values in trials.values()]]))[0]
-    )
+    gains = list(trials)
+    means = [values.mean() for values in trials.values()]
+    value = float(_rank_correlation(gains, np.array([means]))[0])
     if min(values.size for values in trials.values()) < 2:
         return Measurement(value)
-    draws = (
-        values[rng.integers(values.size, size=(REPLICATES, values.size))]
-        for values in trials.values()
-    )
-    replicates = _rank_correlation(gains, np.column_stack([draw.mean(axis=1) for draw in draws]))
+    rng = np.random.default_rng(0)
+    replicated_means = []
+    for values in trials.values():
+        draws = rng.integers(values.size, size=(REPLICATES, values.size))
+        replicated_means.append(values[draws].mean(axis=1))
+    replicates = _rank_correlation(gains, np.column_stack(replicated_means))
     low, high = np.quantile(replicates, [(1 - judgement.LEVEL) / 2, (1 + judgement.LEVEL) / 2])
     return Measurement(value, float(min(low, value)), float(max(high, value)))
 
@@ -320,8 +313,10 @@ def _rank_correlation(gains: Sequence[float], means: np.ndarray) -> np.ndarray:
 
 def check_figure4_cause(case: Case) -> Row:
     """The converged parallel cascade is biased on the same closed-loop trials, too."""
-    first, last = (case.mean("figure4", "intrinsic", method) for method in (ONE_PASS, CONVERGED))
-    passes = case.values("figure4", "passes", CONVERGED).mean()
+    first, last = (
+        case.mean("figure4", "intrinsic", method) for method in (CASCADE_ONCE, CASCADE_CONVERGED)
+    )
+    passes = case.values("figure4", "passes", CASCADE_CONVERGED).mean()
     remark = f"after {passes:.0f} passes on average; {first.value:.4g} % after one pass on the same closed-loop trials"
     return case.compare(
         "intrinsic VAF of the converged cascade [%]", [case.below("", last, 100.0)], remark
@@ -330,17 +325,12 @@ def check_figure4_cause(case: Case) -> Row:
 
 def check_columns(case: Case, method: str) -> Row:
     """Columns of instruments, which follow from the definition of a method."""
-    rows, block_rows = (
-        case.measurement(name).value for name in (f"{method}_instrument_rows", "block_rows")
-    )
-    verdict = (
-        judgement.BY_CONSTRUCTION
-        if rows == block_rows * case.claim.paper
-        else judgement.NOT_REPRODUCED
-    )
-    reason = (
-        f"{rows:g} rows of instruments over {block_rows:g} block rows: {case.claim.conditions}."
-    )
+    rows = case.measurement(f"{method}_instrument_rows").value
+    block_rows = case.measurement("block_rows").value
+    is_held = rows == block_rows * case.claim.paper
+    verdict = judgement.BY_CONSTRUCTION if is_held else judgement.NOT_REPRODUCED
+    counts = f"{rows:g} rows of instruments over {block_rows:g} block rows"
+    reason = f"{counts}: {case.claim.conditions}."
     return {"verdict": verdict, "ours": rows / block_rows, "reason": reason}
 
 
@@ -353,9 +343,8 @@ def check_stated(case: Case, value: str) -> Row:
 
 def check_economy(case: Case, quantity: str, unit: str) -> Row:
     """Ratio of what EIV-MOESP and PR-MOESP take on the same trials."""
-    pr, eiv = (
-        case.measurement(f"{method}_{quantity}").value for method in ("pr-moesp", "eiv-moesp")
-    )
+    pr = case.measurement(f"pr-moesp_{quantity}").value
+    eiv = case.measurement(f"eiv-moesp_{quantity}").value
     ratio = case.above("", case.measurement(f"{quantity}_ratio"), case.claim.paper)
     return case.compare("ratio", [ratio], f"PR-MOESP {pr:.3g} {unit}, EIV-MOESP {eiv:.3g} {unit}")
 
@@ -366,7 +355,8 @@ def check_open_loop_methods_biased(case: Case, *arms: str) -> Row:
     Open loop is the control: an error that is there in open loop, too, does not come from the loop.
     """
     comparisons = []
-    for study, method in (arm.split("=") for arm in arms):
+    for arm in arms:
+        study, method = arm.split("=")
         own = PULSES if method == "real-time" else {}
         closed, opened = (
             case.mean(study, "K_error", method, **own, closed_loop=loop) for loop in (True, False)
@@ -379,7 +369,8 @@ def check_open_loop_methods_biased(case: Case, *arms: str) -> Row:
 
 def check_unbiased(case: Case, method: str, variant: str = "") -> Row:
     """K is right in closed loop at every level of voluntary torque; a variant of the method is mentioned."""
-    comparisons, texts = [], []
+    comparisons = []
+    texts = []
     for level in case.settings["voluntary"]:
         own = {"voluntary": level, "closed_loop": True}
         error = case.mean("voluntary", "K_error", method, **own)
@@ -395,26 +386,24 @@ def check_net_vaf_hides_bias(case: Case) -> Row:
     lead = case.lead("voluntary", ("net", "pr-moesp"), ("net", "riv"), closed_loop=True)
     error = case.mean("voluntary", "K_error", "pr-moesp", closed_loop=True)
     explains_more = Comparison("net VAF less that of riv [points]", lead, (0.0, np.inf))
-    return case.compare(
-        "PR-MOESP", [explains_more, case.above("error of K [%]", error, size=True)], ours=error
-    )
+    is_wrong = case.above("error of K [%]", error, size=True)
+    return case.compare("PR-MOESP", [explains_more, is_wrong], ours=error)
 
 
 def check_accurate(case: Case, *arms: str) -> Row:
     """K by PR-MOESP with one basis over all trials at the setting of Table 1; an arm is STUDY=METHOD."""
-    samples = [
-        case.values(study, "K_error", method) for study, method in (arm.split("=") for arm in arms)
-    ]
-    return case.compare(
-        "error of K over all trials [%]", [case.within("", Mean.of(np.concatenate(samples)))]
-    )
+    samples = []
+    for arm in arms:
+        study, method = arm.split("=")
+        samples.append(case.values(study, "K_error", method))
+    error = Mean.of(np.concatenate(samples))
+    return case.compare("error of K over all trials [%]", [case.within("", error)])
 
 
 def check_real_time_input(case: Case) -> Row:
     """K by the real-time algorithm in open loop is right with its perturbation, and wrong with a PRBS."""
-    own = {"closed_loop": False}
     pulses, prbs = (
-        case.mean("real-time", "K_error", "real-time", perturbation=name, **own)
+        case.mean("real-time", "K_error", "real-time", perturbation=name, closed_loop=False)
         for name in ("pulses", "prbs")
     )
     comparisons = [

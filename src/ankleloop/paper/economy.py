@@ -22,6 +22,7 @@ from ankleloop.subspace.moesp import moesp
 log = logging.getLogger(__name__)
 
 COMPARED = ("pr-moesp", "eiv-moesp")
+REGRESSOR_OPTIONS = {"delay", "degree", "identification_rate", "reference"}
 RUNS = 3  # of each method on a trial
 
 Runs = dict[str, Callable[[], Any]]
@@ -32,46 +33,43 @@ def measure_economy(
 ) -> pd.DataFrame:
     """Measure time and memory of two methods on some trials, and count their rows, which no trial changes."""
     models = {method: MoespOptions.parse(method, **options.get(method, {})) for method in COMPARED}
-    costs: list[dict[tuple[str, str], float]] = []  # of each trial, by quantity and method
-    rows: list[dict[str, Any]] = []
+    costs: list[dict[str, float]] = []  # of each trial
+    counts: dict[str, float] = {}  # of rows
     for number, trial in enumerate(trials):
         try:
             runs = _prepare_runs(trial, models)
-            if not rows:  # the first runs are not timed
+            if not counts:  # the first runs are not timed
                 counts = {
-                    f"{name}_instrument_rows": run().diagnostics["instrument_rows"]
-                    for name, run in runs.items()
+                    f"{method}_instrument_rows": run().diagnostics["instrument_rows"]
+                    for method, run in runs.items()
                 }
-                counts["block_rows"] = models["pr-moesp"].block_rows
-                rows = [
-                    {"quantity": quantity, "value": float(count), "n": 1}
-                    for quantity, count in counts.items()
-                ]
-            cost = {
-                ("milliseconds", method): 1e3 * seconds
-                for method, seconds in _time_runs(runs).items()
-            }
+            times = _time_runs(runs)
         except NUMERICAL_ERRORS as error:
             log.warning("trial %d is left out: %s", number, describe_error(error))
             continue
+        cost = {f"{method}_milliseconds": 1e3 * seconds for method, seconds in times.items()}
         for method, run in runs.items():
             tracemalloc.start()
             run()
-            cost["megabytes", method] = tracemalloc.get_traced_memory()[1] / 1e6  # the peak
+            _, peak = tracemalloc.get_traced_memory()
             tracemalloc.stop()
+            cost[f"{method}_megabytes"] = peak / 1e6
         costs.append(cost)
     if not costs:
         raise DataError(
             "there is no trial that both methods identify: see the failures of the study."
         )
+    counts["block_rows"] = models["pr-moesp"].block_rows
+    rows: list[dict[str, Any]] = [
+        {"quantity": quantity, "value": float(count), "n": 1} for quantity, count in counts.items()
+    ]
     table = pd.DataFrame(costs)
     for quantity in ("milliseconds", "megabytes"):
-        values = [table[quantity, method] for method in COMPARED]
-        rows += [
-            _summarise(f"{method}_{quantity}", part)
-            for method, part in zip(COMPARED, values, strict=True)
-        ]
-        ratio = _summarise(f"{quantity}_ratio", np.log(values[1] / values[0]))  # its geometric mean
+        names = [f"{method}_{quantity}" for method in COMPARED]
+        rows += [_summarise(name, table[name]) for name in names]
+        pr, eiv = (table[name] for name in names)
+        ratio = _summarise(f"{quantity}_ratio", np.log(eiv / pr))
+        # The mean of logarithms is that of the geometric mean.
         rows.append(ratio | {name: float(np.exp(ratio[name])) for name in ("value", "low", "high")})
     return pd.DataFrame(rows)
 
@@ -81,10 +79,7 @@ def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> Runs
     prepared = prepare(trial)
     runs: Runs = {}
     for method, model in models.items():
-        chosen = {
-            name: getattr(model, name)
-            for name in ("delay", "degree", "identification_rate", "reference")
-        }
+        chosen = model.model_dump(include=REGRESSOR_OPTIONS)
         regressors = prepared.regressors(basis=model.basis or "chebyshev", **chosen)
         arguments = subspace_arguments(model, regressors, method)
         runs[method] = partial(

@@ -33,9 +33,9 @@ class Mean:
     def of(cls, values: ArrayLike) -> Mean:
         """Mean of a sample; nan if one of its values is."""
         sample = pd.Series(values, dtype=float)
-        return cls(
-            float(sample.mean(skipna=False)), float(sample.sem(skipna=False)), len(sample) - 1.0
-        )
+        value = float(sample.mean(skipna=False))
+        error = float(sample.sem(skipna=False))
+        return cls(value, error, len(sample) - 1.0)
 
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of its interval."""
@@ -89,17 +89,21 @@ class Comparison:
     def interval(self, level: float = LEVEL) -> Range:
         """Ends of the interval of the difference."""
         low, high = (end - self.paper for end in self.ours.interval(level))
-        return (np.max([0.0, low, -high]), np.max([-low, high])) if self.size else (low, high)
+        if self.size:
+            return np.max([0.0, low, -high]), np.max([-low, high])
+        return low, high
 
     def room(self, level: float) -> float:
         """How far the interval is within what is accepted; negative if part of it is outside, or there is none."""
-        (low, high), (smallest, largest) = self.interval(level), self.accepted
+        low, high = self.interval(level)
+        smallest, largest = self.accepted
         room = float(np.min([low - smallest, largest - high]))
         return -math.inf if math.isnan(room) else room
 
     def verdict(self, level: float) -> str:
         """Verdict of the rule at a level of confidence."""
-        (low, high), (smallest, largest) = self.interval(level), self.accepted
+        low, high = self.interval(level)
+        smallest, largest = self.accepted
         if low >= smallest and high <= largest:
             return REPRODUCED
         if high < smallest or low > largest:
@@ -121,20 +125,15 @@ class Judgement:
     @property
     def explanation(self) -> str:
         """What decides the claim, beside the numbers of the ledger, or why nothing does; empty if it is reproduced."""
-        label, has_interval = (
-            self.decisive.label,
-            not math.isnan(sum(self.decisive.interval(self.level))),
-        )
-        if self.verdict == REPRODUCED or (has_interval and not label):
+        if self.verdict == REPRODUCED:
             return ""
-        if has_interval:
-            return f"{label} decides"
-        missing = (
-            "result"
-            if math.isnan(self.decisive.difference)
-            else "interval, which takes two trials or more"
-        )
-        return f"{label}: there is no {missing}" if label else f"there is no {missing}"
+        label = self.decisive.label
+        if not math.isnan(sum(self.decisive.interval(self.level))):
+            return f"{label} decides" if label else ""
+        text = "there is no interval, which takes two trials or more"
+        if math.isnan(self.decisive.difference):
+            text = "there is no result"
+        return f"{label}: {text}" if label else text
 
 
 def judge(comparisons: Sequence[Comparison]) -> Judgement:
@@ -149,15 +148,16 @@ def judge(comparisons: Sequence[Comparison]) -> Judgement:
     simultaneous = 1.0 - (1.0 - LEVEL) / len(comparisons)
     unsure = [part for part in comparisons if part.verdict(LEVEL) != REPRODUCED]
     failures = [part for part in comparisons if part.verdict(simultaneous) == NOT_REPRODUCED]
+    level = simultaneous if unsure else LEVEL
     if not unsure:
-        verdict, deciding, level = (
-            REPRODUCED,
-            [part for part in comparisons if not part.control],
-            LEVEL,
-        )
+        verdict = REPRODUCED
+        deciding = [part for part in comparisons if not part.control]
     elif failures:
-        verdict, deciding, level = NOT_REPRODUCED, failures, simultaneous
+        verdict = NOT_REPRODUCED
+        deciding = failures
     else:
         at_tolerance = all(part.verdict(LEVEL) == AT_TOLERANCE for part in unsure)
-        verdict, deciding, level = AT_TOLERANCE if at_tolerance else OPEN, unsure, simultaneous
-    return Judgement(verdict, min(deciding, key=lambda part: part.room(level)), level)
+        verdict = AT_TOLERANCE if at_tolerance else OPEN
+        deciding = unsure
+    decisive = min(deciding, key=lambda part: part.room(level))
+    return Judgement(verdict, decisive, level)

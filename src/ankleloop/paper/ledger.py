@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from os import PathLike
 from pathlib import Path
 
 import pandas as pd
@@ -12,6 +11,7 @@ import yaml
 from ankleloop.paper import judgement
 from ankleloop.paper.checks import CHECKS, Case, MissingEvidence, Row, StudyResults
 from ankleloop.tables.comparisons import format_number, format_pairs
+from ankleloop.trials.files import PathLike
 
 VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
@@ -25,7 +25,7 @@ VERDICTS = {
 PAPER, FINDING = "paper", "finding"  # whose statement a row is: the paper's or ours
 SECTIONS = {"table1": "IV, Table 1", "table2": "V, Table 2"}
 NUMBERS = ("ours", "uncertainty", "tolerance", "difference", "difference_low", "difference_high")
-COLUMNS = (
+LEDGER_COLUMNS = (
     "id",
     "section",
     "statement",
@@ -53,9 +53,10 @@ def verify(
     labels = {name: studies[name].labels if name in studies else {} for name in SECTIONS}
     rows = [_claim_numbers(name, published[name], labels[name]) for name in SECTIONS]
     rows += [published["claims"].assign(source=PAPER), published["findings"].assign(source=FINDING)]
-    claims, by_quantity = pd.concat(rows, ignore_index=True), measurements.set_index("quantity")
+    claims = pd.concat(rows, ignore_index=True)
+    by_quantity = measurements.set_index("quantity")
     results = [_check(Case(claim, studies, by_quantity)) for claim in claims.itertuples()]
-    return claims.join(pd.DataFrame(results)).reindex(columns=COLUMNS)
+    return claims.join(pd.DataFrame(results)).reindex(columns=LEDGER_COLUMNS)
 
 
 def _claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
@@ -101,19 +102,23 @@ def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
         difference = format_number(row.difference, "+.3g")
         if pd.notna(row.difference_low):
             difference += f" ({row.difference_low:+.3g} … {row.difference_high:+.3g})"
-        rows.append(
-            {name: getattr(row, name) for name in ("id", "section", "statement", "unit")}
-            | {
-                "paper": format_number(row.paper),
-                "ours": format_number(row.ours, margin=row.uncertainty),
-            }
-            | {"difference": difference, "tolerance": format_number(row.tolerance, "g")}
-            | {"verdict": row.verdict, "reason": row.reason + condition}
-        )
+        cells = {
+            "id": row.id,
+            "section": row.section,
+            "statement": row.statement,
+            "unit": row.unit,
+            "paper": format_number(row.paper),
+            "ours": format_number(row.ours, margin=row.uncertainty),
+            "difference": difference,
+            "tolerance": format_number(row.tolerance, "g"),
+            "verdict": row.verdict,
+            "reason": row.reason + condition,
+        }
+        rows.append(cells)
     return pd.DataFrame(rows)
 
 
-def read_conclusions(path: str | PathLike[str]) -> Conclusions:
+def read_conclusions(path: PathLike) -> Conclusions:
     """Conclusions that a person has written, by the claim that each rests on: its verdict, a sentence, a paragraph."""
     return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
 
@@ -138,15 +143,12 @@ def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
 def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
     """Table 1 as the paper prints it, "paper → ours ± half a 95 % interval", and the verdict of each cell."""
     rows = ledger[ledger["id"].str.startswith("table1/")]
-    texts = rows["paper"].map("{:g} → ".format) + format_pairs(
-        rows["ours"], rows["uncertainty"], "{:.2f} ± {:.2f}"
-    )
-    methods = rows["method"]
+    ours = format_pairs(rows["ours"], rows["uncertainty"], "{:.2f} ± {:.2f}")
+    cells = rows["paper"].map("{:g} → ".format) + ours
     torques = rows["torque"] + " [% VAF]"
-    cells = pd.DataFrame({"method": methods, "torque": torques, "cell": texts})
-    table = cells.pivot(index="method", columns="torque", values="cell").loc[
-        methods.unique(), torques.unique()
-    ]
-    return table.rename_axis(columns=None).reset_index(), dict(
-        zip(texts, rows["verdict"], strict=True)
+    table = rows.assign(torque=torques, cell=cells).pivot(
+        index="method", columns="torque", values="cell"
     )
+    table = table.loc[rows["method"].unique(), torques.unique()]
+    verdicts = dict(zip(cells, rows["verdict"], strict=True))
+    return table.rename_axis(columns=None).reset_index(), verdicts

@@ -27,11 +27,13 @@ from ankleloop.recordings.validity import reason_against
 from ankleloop.signals.sampling import match_times
 from ankleloop.trials.trial import segment
 
-BLOCK = 2.0  # s: longer than the squares of torques are correlated
-FEWEST = 5  # blocks
-DEFAULTS: Mapping[str, Any] = {"options": {}, "select": None, "criterion": None}
+BLOCK_LENGTH = 2.0  # s: longer than the squares of torques are correlated
+FEWEST_BLOCKS = 5
 
-OTHER_DELAY = 0.01  # s
+Specification = Mapping[str, Any]  # of a method: its name, options, and options to select
+
+METHOD_DEFAULTS: Specification = {"options": {}, "select": None, "criterion": None}
+MORE_DELAY = 0.01  # s
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +72,7 @@ class Analysis:
         return {label: estimates[0] for label, estimates in self.records.items()}
 
 
-def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, Any]]) -> Analysis:
+def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Specification]) -> Analysis:
     """Check a recording, and fit every method that is valid for it.
 
     Each method is fitted to the first half and scored on the second, if the half is long enough; options to be selected
@@ -106,17 +108,18 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, A
     parts: Any = trial if isinstance(trial, (list, tuple)) else [trial]
     trials = [prepare(part) for part in parts]
     methods = {
-        label: {**DEFAULTS, **specification, "method": find_method(specification["method"])}
+        label: {**METHOD_DEFAULTS, **specification, "method": find_method(specification["method"])}
         for label, specification in methods.items()
     }
     for specification in methods.values():  # wrong options are refused before anything is fitted
-        options, select, criterion = (specification[name] for name in DEFAULTS)
-        entry = specification["method"]
-        check_selection(f"method {entry.name!r}", entry.options, options, select, criterion)
+        method = specification["method"]
+        chosen = (specification[name] for name in METHOD_DEFAULTS)
+        check_selection(f"method {method.name!r}", method.options, *chosen)
     check = check_trial(trials, **largest_options(methods))
     if check.verdict == "refused":
         return refused_analysis(check)
-    analysis, rows = Analysis(check, {}, {}, pd.DataFrame()), []
+    analysis = Analysis(check, {}, {}, pd.DataFrame())
+    rows = []
     for number, (label, specification) in enumerate(methods.items(), start=1):
         log.info("method %d of %d: %s", number, len(methods), label)
         method = specification["method"]
@@ -132,12 +135,10 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Mapping[str, A
             estimates, unseen, scores = _fit(trials, check, specification)
             test = _test_residual(trials, estimates, check.instrumental)
             assumptions = _list_assumptions(trials, specification, estimates[0])
-            row |= (
-                scores
-                | _describe_estimate(check, trials[0], estimates[0], test, method.validity)
-                | {"assumptions": assumptions}
-            )
-            analysis.records[label], analysis.residuals[label] = estimates, test
+            described = _describe_estimate(check, trials[0], estimates[0], test, method.validity)
+            row |= {**scores, **described, "assumptions": assumptions}
+            analysis.records[label] = estimates
+            analysis.residuals[label] = test
             if unseen:
                 analysis.unseen[label] = unseen
         except NUMERICAL_ERRORS as error:
@@ -155,49 +156,47 @@ def describe_failure(error: Exception) -> str:
 
 def refused_analysis(check: Check) -> Analysis:
     """Analysis of a recording that its check refuses."""
-    row = {
-        "verdict": "refused",
-        "reasons": " ".join(check.reasons),
-        "valid": False,
-        "trusted": False,
-    }
+    reasons = " ".join(check.reasons)
+    row = {"verdict": "refused", "reasons": reasons, "valid": False, "trusted": False}
     return Analysis(check, {}, {}, pd.DataFrame([row]))
 
 
-def largest_options(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def largest_options(methods: Mapping[str, Specification]) -> dict[str, Any]:
     """Largest order and number of block rows that any method may use: the movement has to excite as much."""
-    used = {"order": [2], "block_rows": [15]}
+    largest = {"order": 2, "block_rows": 15}
     for specification in methods.values():
-        for name, values in used.items():
-            values += [
-                specification["options"].get(name) or 0,
-                *(specification["select"] or {}).get(name, ()),
-            ]
-    return {name: max(values) for name, values in used.items()}
+        candidates = specification["select"] or {}
+        for name, value in largest.items():
+            fixed = specification["options"].get(name) or 0
+            largest[name] = max(value, fixed, *candidates.get(name, ()))
+    return largest
 
 
 def _fit(
-    trials: list[PreparedTrial], check: Check, specification: Mapping[str, Any]
+    trials: list[PreparedTrial], check: Check, specification: Specification
 ) -> tuple[list[Estimate], list[xr.Dataset], dict[str, Any]]:
     """Estimates of the whole, torques of one half that the fit to the other predicts, and the scores of both."""
-    method, options, select = (
-        specification["method"],
-        specification["options"],
-        specification["select"] or None,
+    method = specification["method"]
+    options = specification["options"]
+    selection = {"select": specification["select"] or None, "criterion": specification["criterion"]}
+    reason = reason_against(
+        method,
+        options,
+        loop=check.loop,
+        reference=check.reference,
+        path_bias=check.path_bias,
+        merged=len(trials) > 1,
     )
-    if reason := reason_against(
-        method, options, check.loop, check.reference, check.path_bias, merged=len(trials) > 1
-    ):
+    if reason:
         raise DataError(reason)
     first, second = _split_halves(trials)
     scores: dict[str, Any] = {"vaf_unseen": np.nan, "selected": ""}
     unseen = []
     chosen: dict[str, Any] = {}
     try:
-        half = _identify(
-            first, method, select=select, criterion=specification["criterion"], **options
-        )[0]
-        chosen = half.diagnostics["selection"]["chosen"] if select else {}
+        half = _identify(first, method, **selection, **options)[0]
+        if selection["select"]:
+            chosen = half.diagnostics["selection"]["chosen"]
         scores["selected"] = ", ".join(f"{name} {value}" for name, value in chosen.items())
         scores["unseen_warnings"] = " ".join(half.fit_warnings)
         if half.trajectories is not None and "time" in half.trajectories.sizes:
@@ -209,21 +208,18 @@ def _fit(
             half.predict(part, cycle_onsets=options.get("cycle_onsets")) for part in second
         ]
         scores |= _score(second, predictions, {"net": "vaf_unseen"})
-        torques = (prediction.torque for prediction in predictions)
-        unseen = [
-            torque.sel(time=slice(torque["time"][0] + TRIM, torque["time"][-1] - TRIM))
-            for torque in torques
-        ]
+        for prediction in predictions:
+            torque = prediction.torque
+            start, end = torque["time"][[0, -1]]
+            unseen.append(torque.sel(time=slice(start + TRIM, end - TRIM)))
     except DataError as error:
-        if select and not chosen:  # without a choice there are no options to fit the whole with
+        # Without a choice there are no options to fit the whole with.
+        if selection["select"] and not chosen:
             raise
         scores["unseen_warnings"] = f"there is none: {error}"
     whole = _identify(trials, method, **options, **chosen)
-    return (
-        whole,
-        unseen,
-        scores | _score(trials, whole, {torque: f"vaf_{torque}" for torque in TORQUES}),
-    )
+    scores |= _score(trials, whole, {torque: f"vaf_{torque}" for torque in TORQUES})
+    return whole, unseen, scores
 
 
 def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], list[PreparedTrial]]:
@@ -231,39 +227,34 @@ def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], lis
     if len(trials) > 1:
         middle = (len(trials) + 1) // 2
         return trials[:middle], trials[middle:]
+    trial = trials[0].trial
     start, end = trials[0].time[[0, -1]]
-    middle = 0.5 * (start + end)
-    first, second = (
-        segment(trials[0].trial, start, middle),
-        segment(trials[0].trial, middle, end + 1.0),
-    )
-    return [prepare(first)], [prepare(second)]
+    half = 0.5 * (start + end)
+    return [prepare(segment(trial, start, half))], [prepare(segment(trial, half, end + 1.0))]
 
 
 def _identify(trials: list[PreparedTrial], method: Method, **options: Any) -> list[Estimate]:
     """One estimate for each trial; several trials are merged."""
-    return (
-        identify(trials, method, **options)
-        if len(trials) > 1
-        else [identify(trials[0], method, **options)]
-    )
+    if len(trials) > 1:
+        return identify(trials, method, **options)
+    return [identify(trials[0], method, **options)]
 
 
 def _score(
     trials: list[PreparedTrial], estimates: list[Estimate], columns: Mapping[str, str]
 ) -> dict[str, float]:
     """VAFs against the measured torque: means over merged trials, or the VAF of a single trial with its interval."""
-    pairs = zip(trials, estimates, strict=True)
     tables = [
-        evaluate(*pair, against="measured", intervals=True).set_index("torque") for pair in pairs
+        evaluate(trial, estimate, against="measured", intervals=True).set_index("torque")
+        for trial, estimate in zip(trials, estimates, strict=True)
     ]
+    means = sum(table[["vaf", "low", "high"]] for table in tables) / len(tables)
     scores = {}
     for torque, column in columns.items():
-        scores[column] = float(np.mean([table.loc[torque, "vaf"] for table in tables]))
+        vaf, low, high = map(float, means.loc[torque])
+        scores[column] = vaf
         if len(tables) == 1:
-            scores |= {
-                f"{column}_{end}": float(tables[0].loc[torque, end]) for end in ("low", "high")
-            }
+            scores |= {f"{column}_low": low, f"{column}_high": high}
     return scores
 
 
@@ -274,15 +265,20 @@ def _test_residual(
 
     It is tested against the position, or unless the loop is open against what the reference explains of it.
     """
-    trial, estimate = max(
-        zip(trials, estimates, strict=True), key=lambda pair: pair[0].samples["time"].size
-    )
-    torque, time, delay = estimate.torque, estimate.torque["time"].values, estimate.reflex["delay"]
-    residual, rate = (torque[MEASURED] - torque["net"]).values, torque.attrs["identification_rate"]
+    longest = int(np.argmax([trial.time.size for trial in trials]))
+    trial = trials[longest]
+    estimate = estimates[longest]
+    torque = estimate.torque
+    time = torque["time"].values
+    rate = torque.attrs["identification_rate"]
+    residual = (torque[MEASURED] - torque["net"]).values
     if not instrumental:
         return residual_test(residual, trial.channel_at("position", time, rate), rate)
     regressors = trial.regressors(
-        delay=delay, basis="rectifier", identification_rate=rate, reference="reference"
+        delay=estimate.reflex["delay"],
+        basis="rectifier",
+        identification_rate=rate,
+        reference="reference",
     )
     rows, common = match_times(regressors.time, time)
     return residual_test(residual[common], trial.predict_inputs(regressors)[rows, 0], rate)
@@ -296,51 +292,48 @@ def _describe_estimate(
     validity: Validity,
 ) -> dict[str, Any]:
     """Columns of the table about the estimate of the first trial."""
-    warnings, diagnostics = estimate.fit_warnings, estimate.diagnostics
+    warnings = estimate.fit_warnings
+    diagnostics = estimate.diagnostics
     # Where there is a warning, the covariance belongs to a solution that was not reached, or to another model.
     shown = replace(estimate, intervals={}) if warnings else estimate
     # Warnings about the data concern all methods alike, so they do not decide between them.
     about_data = diagnostics.get("data_warnings", ())
-    cautions = validity.closed_caution if check.instrumental else validity.open_caution, *about_data
+    caution = validity.closed_caution if check.instrumental else validity.open_caution
     return {
-        **{
-            f"residual_{name}": getattr(test, name)
-            for name in ("white", "white_p", "related", "related_p")
-        },
+        "residual_white": test.white,
+        "residual_white_p": test.white_p,
+        "residual_related": test.related,
+        "residual_related_p": test.related_p,
         **parameter_row(trial, shown),
         "warnings": " ".join(warnings),
         "trusted": not warnings,
-        "caution": " ".join(filter(None, cautions)),
+        "caution": " ".join(filter(None, [caution, *about_data])),
         # A test whether the joint changes takes what the model or an instrument leaves out for a change.
         "incomplete": bool(test.related or about_data or diagnostics.get("alternatives")),
     }
 
 
 def _list_assumptions(
-    trials: list[PreparedTrial], specification: Mapping[str, Any], estimate: Estimate
+    trials: list[PreparedTrial], specification: Specification, estimate: Estimate
 ) -> str:
     """What the estimate of the first trial takes for granted, and what another delay or effect would do."""
     diagnostics = estimate.diagnostics
     texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
-    takes_delay = "delay" in specification["method"].options.model_fields
-    if takes_delay and "delay" not in estimate.intervals:
-        options = specification["options"] | {"delay": estimate.reflex["delay"] + OTHER_DELAY}
+    method = specification["method"]
+    if "delay" in method.options.model_fields and "delay" not in estimate.intervals:
+        options = specification["options"] | {"delay": estimate.reflex["delay"] + MORE_DELAY}
+        change = f"a delay of {1000 * MORE_DELAY:g} ms more would"
         try:
-            other = _identify(trials, specification["method"], **options)[0]
+            other = _identify(trials, method, **options)[0]
             shifts = compute_shifts(
-                *({**part.stiffness, **part.reflex} for part in (estimate, other))
+                {**estimate.stiffness, **estimate.reflex}, {**other.stiffness, **other.reflex}
             )
-            texts.append(
-                f"A delay of {1000 * OTHER_DELAY:g} ms more would move {format_shifts(shifts)}."
-            )
+            texts.append(f"{change} move {format_shifts(shifts)}.")
         except DataError as error:
-            texts.append(
-                f"What a delay of {1000 * OTHER_DELAY:g} ms more would do cannot be told: {error}"
-            )
+            texts.append(f"what {change} do cannot be told: {error}")
     for alternative in diagnostics.get("alternatives", ()):
-        texts.append(
-            f"With {alternative['effect']} in the model it would move {format_shifts(alternative['shifts'])}."
-        )
+        moved = format_shifts(alternative["shifts"])
+        texts.append(f"with {alternative['effect']} in the model it would move {moved}.")
     return " ".join(text[0].upper() + text[1:] for text in texts)
 
 
@@ -358,27 +351,34 @@ def compare_unseen(
     its interval from Student's distribution. What is hard to predict for both methods cancels in it. None
     if too little was scored at the same rate.
     """
-    differences, weights, blocks = [], [], []
+    differences = []
+    weights = []
+    blocks = []
     for parts in zip(first, second, strict=True):
-        a, b = xr.align(*parts, join="inner")
+        own, other = xr.align(*parts, join="inner")
         rate, other_rate = (part.attrs["identification_rate"] for part in parts)
-        count = round(a.sizes["time"] / (BLOCK * rate))
-        if count and rate == other_rate:
-            signals = (
-                x.values for x in (a[MEASURED], a[MEASURED] - a["net"], b[MEASURED] - b["net"])
-            )
-            y, e_a, e_b = ((x - x.mean()) ** 2 for x in signals)
-            difference = 100.0 * float(np.sum(e_b - e_a) / np.sum(y))
-            influence = (100.0 * (e_b - e_a) - difference * y) / y.mean()
-            blocks += [block.mean() for block in np.array_split(influence, count)]
-            differences.append(difference)
-            weights.append(count)
-    if len(blocks) < FEWEST:
+        count = round(own.sizes["time"] / (BLOCK_LENGTH * rate))
+        if not count or rate != other_rate:
+            continue
+        torque = _square(own[MEASURED])
+        gain = _square(other[MEASURED] - other["net"]) - _square(own[MEASURED] - own["net"])
+        difference = 100.0 * float(np.sum(gain) / np.sum(torque))
+        influence = (100.0 * gain - difference * torque) / torque.mean()
+        blocks += [block.mean() for block in np.array_split(influence, count)]
+        differences.append(difference)
+        weights.append(count)
+    freedom = len(blocks) - 1
+    if len(blocks) < FEWEST_BLOCKS:
         return None
     mean = float(np.average(differences, weights=weights))
     # Differences of several trials scatter as well.
     scatter = np.repeat(np.array(differences) - mean, weights) + np.array(blocks)
-    margin = special.stdtrit(len(blocks) - 1, 0.975) * np.sqrt(
-        np.mean(scatter**2) / (len(blocks) - 1)
-    )
-    return VafDifference(mean, mean - float(margin), mean + float(margin))
+    error = np.sqrt(np.mean(scatter**2) / freedom)
+    margin = float(special.stdtrit(freedom, 0.975) * error)
+    return VafDifference(mean, mean - margin, mean + margin)
+
+
+def _square(signal: xr.DataArray) -> np.ndarray:
+    """Square of a signal less its mean."""
+    values = signal.values
+    return (values - values.mean()) ** 2

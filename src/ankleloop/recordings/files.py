@@ -17,7 +17,12 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.joint.regressors import TORQUES
 from ankleloop.joint.time_varying_course import make_course
 from ankleloop.methods.registry import find_method
-from ankleloop.recordings.analysis import Analysis, describe_failure, refused_analysis
+from ankleloop.recordings.analysis import (
+    Analysis,
+    Specification,
+    describe_failure,
+    refused_analysis,
+)
 from ankleloop.recordings.checks import Check, CheckOptions, Finding
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.trials.files import PathLike, write_csv
@@ -31,12 +36,15 @@ GROUPS = ("subject", "condition", "trial")
 # Options that say what parameters are functions of.
 COURSE = ("cycle_onsets", "schedule")
 
+RecordingValues = Mapping[str, Any]  # of `ankleloop.config.recording_settings.Recording`, by name
 
-def load_recording(path: PathLike, mapping: Mapping[str, Any]) -> xr.Dataset:
+
+def load_recording(path: PathLike, mapping: RecordingValues) -> xr.Dataset:
     """Read a recording, take the part of it that is to be analysed, and remove the drift."""
     options = {name: mapping[name] for name in ReadingOptions.model_fields if name in mapping}
     trial = read_trial(path, **options)
-    start, stop = mapping.get("start"), mapping.get("stop")
+    start = mapping.get("start")
+    stop = mapping.get("stop")
     if start is not None or stop is not None:
         end = float(trial["time"][-1]) + 1.0 if stop is None else stop
         trial = segment(trial, start or 0.0, end)
@@ -44,61 +52,56 @@ def load_recording(path: PathLike, mapping: Mapping[str, Any]) -> xr.Dataset:
 
 
 def add_course(
-    methods: Mapping[str, Mapping[str, Any]], mapping: Mapping[str, Any]
-) -> dict[str, Mapping[str, Any]]:
+    methods: Mapping[str, Specification], mapping: RecordingValues
+) -> dict[str, Specification]:
     """Give methods what the parameters of a recording are functions of."""
     course = {name: mapping[name] for name in COURSE if mapping.get(name) is not None}
-    result: dict[str, Mapping[str, Any]] = {}
+    result = dict(methods)
     for label, method in methods.items():
         options = method.get("options", {})
-        takes = course.keys() <= find_method(method["method"]).options.model_fields.keys()
-        free = all(options.get(name) is None for name in COURSE)
-        result[label] = (
-            {**method, "options": {**options, **course}} if course and takes and free else method
-        )
+        takes_course = course.keys() <= find_method(method["method"]).options.model_fields.keys()
+        has_none = all(options.get(name) is None for name in COURSE)
+        if course and takes_course and has_none:
+            result[label] = {**method, "options": {**options, **course}}
     return result
 
 
-def check_course(trial: xr.Dataset, mapping: Mapping[str, Any]) -> list[Finding]:
+def check_course(trial: xr.Dataset, mapping: RecordingValues) -> list[Finding]:
     """Check whether the onsets of cycles, or the scheduling variable, can be used with a recording."""
     onsets, schedule = (mapping.get(name) for name in COURSE)
     if onsets is None and schedule is None:
         return []
-    name, options, prepared = (
-        "cycles" if schedule is None else "schedule",
-        CheckOptions(),
-        prepare(trial),
-    )
+    name = "cycles" if schedule is None else "schedule"
+    options = CheckOptions()
+    prepared = prepare(trial)
     try:
         grid = prepared.grid(options.identification_rate, options.delay)
         course = make_course(prepared, grid, onsets, schedule)
     except DataError as error:
         return [Finding(name, "warning", str(error))]
-    return check_slow_movement(
-        prepared.motion(grid)[0], course, options.identification_rate, schedule
-    )
+    position = prepared.motion(grid)[0]
+    return check_slow_movement(position, course, options.identification_rate, schedule)
 
 
 def refuse_recording(error: Exception) -> Analysis:
     """Analysis of a recording that cannot be used."""
-    return refused_analysis(
-        Check([Finding("file", "refused", describe_failure(error))], "undecided", {})
-    )
+    finding = Finding("file", "refused", describe_failure(error))
+    return refused_analysis(Check([finding], "undecided", {}))
 
 
 def tabulate_analysis(
-    name: str, mapping: Mapping[str, Any], analysis: Analysis, keys: Mapping[str, str]
+    name: str, mapping: RecordingValues, analysis: Analysis, keys: Mapping[str, str]
 ) -> pd.DataFrame:
     """Rows of an analysis for a table of many recordings."""
+    groups = {group: mapping[group] for group in GROUPS}
     label, text = recommend(analysis)
     labels = analysis.table.reindex(columns=["label"])["label"].astype(object)
     table = analysis.table.assign(
         key=labels.map(keys), recommended=labels.eq(label), recommendation=text
     )
-    groups = pd.DataFrame(
-        {"recording": name, **{group: mapping[group] for group in GROUPS}}, index=table.index
-    )
-    return pd.concat([groups, table], axis=1)
+    for place, (column, value) in enumerate({"recording": name, **groups}.items()):
+        table.insert(place, column, value)
+    return table
 
 
 def export_estimates(estimates: Mapping[str, Sequence[Estimate]], folder: PathLike) -> None:
@@ -147,9 +150,7 @@ def export_estimate(estimate: Estimate, path: PathLike, *, overwrite: bool = Fal
     if Path(path).suffix != ".csv":
         save_estimate(estimate, path, overwrite=overwrite)
         return
-    torques = {f"torque_{name}_nm": estimate.torque[name].values for name in TORQUES}
-    write_csv(
-        pd.DataFrame({"time_s": estimate.torque["time"].values, **torques}),
-        path,
-        overwrite=overwrite,
-    )
+    columns = {"time_s": estimate.torque["time"].values}
+    for name in TORQUES:
+        columns[f"torque_{name}_nm"] = estimate.torque[name].values
+    write_csv(pd.DataFrame(columns), path, overwrite=overwrite)

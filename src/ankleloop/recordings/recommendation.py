@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -11,7 +12,7 @@ from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.analysis import Analysis, compare_unseen
 
 # Of `Analysis.table`; those that no method of a recording has are missing there.
-COLUMNS = (
+METHOD_COLUMNS = (
     "label",
     "method",
     "vaf_unseen",
@@ -20,13 +21,14 @@ COLUMNS = (
     "variation_p",
     "incomplete",
 )
-NOTHING = ("", float("nan"))  # cells without a text
-LEVEL = 0.05  # of the test whether anything varies
+NO_TEXT = ("", float("nan"))  # cells without a text
+VARIATION_LEVEL = 0.05  # of the test whether anything varies
 CHANGES = {
     "phase": "with the phase of the cycle",
     "time": "with time",
     "schedule": "with the scheduling variable",
 }
+Choice = tuple[pd.Series, str]  # row of a method, and why it is taken
 
 
 class Recommendation(NamedTuple):
@@ -62,13 +64,13 @@ def recommend(analysis: Analysis) -> Recommendation:
     >>> print(recommendation.text.split(".")[0])
     take RIV: the loop is closed, and torque that is fed back does not bias it
     """
-    check, table = (
-        analysis.check,
-        analysis.table.reindex(columns=analysis.table.columns.union(COLUMNS, sort=False)),
-    )
-    valid, trusted = table[table["valid"]], table[table["trusted"]]
+    check = analysis.check
+    columns = analysis.table.columns.union(METHOD_COLUMNS, sort=False)
+    table = analysis.table.reindex(columns=columns)
+    valid = table[table["valid"]]
+    trusted = table[table["trusted"]]
     # The fit to the first half has no warning either, and a score of the second.
-    scored = trusted["vaf_unseen"].notna() & trusted["unseen_warnings"].isin(NOTHING)
+    scored = trusted["vaf_unseen"].notna() & trusted["unseen_warnings"].isin(NO_TEXT)
     comparable = trusted if check.instrumental else trusted[scored]
     if comparable.empty:
         reason = "no method without a warning could be scored on the half that was not fitted"
@@ -81,65 +83,67 @@ def recommend(analysis: Analysis) -> Recommendation:
         row, reason = _choose_by_reference(check.loop, trusted, valid)
     else:
         row, reason = _choose_by_vaf(analysis, comparable)
-    condition = (
-        "If the loop was open: " if check.loop == "undecided" and not check.reference else ""
-    )
-    kind = (
-        "without an interval" if pd.isna(row.get("K_low")) else f"{row['intervals']} 95 % interval"
-    )
+    choice = f"take {row['label']}: {reason}"
+    if check.loop == "undecided" and not check.reference:
+        choice = f"If the loop was open: {choice}"
+    has_interval = pd.notna(row.get("K_low"))
+    kind = f"{row['intervals']} 95 % interval" if has_interval else "without an interval"
     stiffness = f"K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}, {kind}"
-    texts = [f"{condition}take {row['label']}: {reason}", stiffness, *_reservations(row, valid)]
-    if left_out := ", ".join(valid["label"].drop(comparable.index)):
+    texts = [choice, stiffness, *_reservations(row, valid)]
+    left_out = ", ".join(valid["label"].drop(comparable.index))
+    if left_out:
         texts.append(
             f"Left out because of a warning, or without a score of the unseen half: {left_out}"
         )
     return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
 
 
-def _choose_by_reference(
-    loop: str, trusted: pd.DataFrame, valid: pd.DataFrame
-) -> tuple[pd.Series, str]:
+def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) -> Choice:
     """The preferred method among those that rest on the reference, and the reason."""
     changing = _select_changing(trusted)
-    row = changing.iloc[0] if len(changing) else _prefer(trusted)
-    if len(changing):
+    row = _prefer(trusted)
+    if not changing.empty:
+        row = changing.iloc[0]
         reason = "torque that is fed back does not bias it, and its test says that K, B or G change"
     elif row["method"] == "riv":
         reason = "and torque that is fed back does not bias it"
     else:
         riv = "riv has a warning" if valid["method"].eq("riv").any() else "there is no valid riv"
         reason = f"{riv}, and of the others this is the first in the order of preference"
-    return (
-        row,
-        f"{'the loop is closed' if loop == 'closed' else 'feedback is not excluded'}, {reason}",
-    )
+    feedback = "the loop is closed" if loop == "closed" else "feedback is not excluded"
+    return row, f"{feedback}, {reason}"
 
 
-def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> tuple[pd.Series, str]:
+def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> Choice:
     """The method that explains most of the unseen half, or the preferred one of those that cannot be told from it."""
-    labels, unseen = comparable["label"], analysis.unseen
-    gains = {(a, b): compare_unseen(unseen[a], unseen[b]) for a in labels for b in labels if a != b}
-    beaten = {worse for (_, worse), gain in gains.items() if gain and gain.low > 0}
-    row = _prefer(comparable[~labels.isin(beaten)])
-    others = {label: gain for (label, other), gain in gains.items() if other == row["label"]}
+    unseen = analysis.unseen
+    gains = {
+        (label, other): compare_unseen(unseen[label], unseen[other])
+        for label, other in permutations(comparable["label"], 2)
+    }
+    beaten = {other for (_, other), gain in gains.items() if gain and gain.low > 0}
+    row = _prefer(comparable[~comparable["label"].isin(beaten)])
     score = f"{row['vaf_unseen']:.1f} % of the half that was not fitted"
-    if not others:
+    margins = []
+    unclear = []
+    for (label, other), gain in gains.items():
+        if other != row["label"]:
+            continue
+        if gain is None:
+            unclear.append(f"{label} (it is too short)")
+        elif gain.high >= 0:
+            unclear.append(f"{label} ({gain.low:+.2g} … {gain.high:+.2g} points)")
+        else:
+            margins.append(-gain.high)
+    if unclear:
+        order = "the order of preference (riv, the MOESP family, the parallel cascade)"
+        reason = f"of the methods that the data do not tell apart it comes first in {order}"
+        others = "the others there, with the 95 % interval of their difference from it"
+        return row, f"{reason}. It explains {score}; {others}: {', '.join(unclear)}"
+    if not margins:
         return row, f"it is the only one that could be scored without a warning ({score})"
-    unclear = {label: gain for label, gain in others.items() if gain is None or gain.high >= 0}
-    if not unclear:
-        margin = min(-gain.high for gain in others.values() if gain)
-        return row, f"it explains most ({score}), by {margin:.2g} points or more (95 % confidence)"
-    ends = [
-        f"{gain.low:+.2g} … {gain.high:+.2g} points" if gain else "it is too short"
-        for gain in unclear.values()
-    ]
-    shown = ", ".join(f"{label} ({text})" for label, text in zip(unclear, ends, strict=True))
-    order = "the order of preference (riv, the MOESP family, the parallel cascade)"
-    reason = f"of the methods that the data do not tell apart it comes first in {order}. It explains {score}"
-    return (
-        row,
-        f"{reason}; the others there, with the 95 % interval of their difference from it: {shown}",
-    )
+    margin = f"{min(margins):.2g} points or more (95 % confidence)"
+    return row, f"it explains most ({score}), by {margin}"
 
 
 def _prefer(rows: pd.DataFrame) -> pd.Series:
@@ -147,15 +151,16 @@ def _prefer(rows: pd.DataFrame) -> pd.Series:
 
     Methods that other packages register come last.
     """
-    cautious = ~rows["caution"].isin(NOTHING)
     ranks = {name: rank for rank, name in enumerate(METHODS)}
     order = rows["method"].map(ranks).fillna(len(ranks))
-    return rows.loc[min(rows.index, key=lambda k: (cautious[k], order[k]))]
+    order[~rows["caution"].isin(NO_TEXT)] += len(ranks) + 1
+    return rows.loc[order.idxmin()]
 
 
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
     """What speaks against too much trust in a method: change of the joint, caution, an incomplete model."""
-    texts, changing = [], list(_select_changing(valid)["label"])
+    texts = []
+    changing = list(_select_changing(valid)["label"])
     if row["label"] in changing:
         texts.append("This is the mean over the recording; the trajectories show the change")
     elif changing:
@@ -171,14 +176,16 @@ def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
 
 def _select_changing(rows: pd.DataFrame) -> pd.DataFrame:
     """Methods whose parameters may change, and whose test says that they do; of an incomplete model it says nothing."""
-    return rows[(rows["variation_p"] < LEVEL) & rows["incomplete"].ne(True)]
+    return rows[(rows["variation_p"] < VARIATION_LEVEL) & rows["incomplete"].ne(True)]
 
 
 def format_with_interval(row: pd.Series, name: str) -> str:
     """Value of a row with its 95 % interval where there is one."""
-    value, low, high = row.get(name), row.get(f"{name}_low"), row.get(f"{name}_high")
-    if isinstance(value, str) or pd.isna(value):
-        return value if isinstance(value, str) else "–"
+    value, low, high = (row.get(column) for column in (name, f"{name}_low", f"{name}_high"))
+    if isinstance(value, str):
+        return value
+    if pd.isna(value):
+        return "–"
     return f"{value:.4g}" if pd.isna(low) else f"{value:.4g} ({low:.4g} … {high:.4g})"
 
 
@@ -191,24 +198,22 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
         if estimate.trajectories is None or not probabilities:  # nothing in it can vary
             continue
         dimension = str(next(iter(estimate.trajectories.sizes)))
-        words, data = (
-            CHANGES[dimension],
-            "unseen cycles" if dimension == "phase" else "the unseen half",
-        )
-        p = {
+        words = CHANGES[dimension]
+        data = "unseen cycles" if dimension == "phase" else "the unseen half"
+        shown = {
             name: "less than 0.001" if p < 0.001 else f"{p:.2g}"
             for name, p in probabilities.items()
         }
-        each = ", ".join(f"{name} {p[name]}" for name in p if name != "all")
-        changes = probabilities["all"] < LEVEL
-        text = (
-            f"K, B or G change {words}" if changes else f"No change of K, B or G {words} is shown"
-        )
-        text += f": a constant joint gives as large a variation with a probability of {p['all']} "
-        text += (
-            f"(level {100 * LEVEL:g} %). Each of them alone, while the others may change: {each}. "
-        )
-        if not changes:
+        all_p = shown.pop("all")
+        each = ", ".join(f"{name} {p}" for name, p in shown.items())
+        is_changing = probabilities["all"] < VARIATION_LEVEL
+        text = f"No change of K, B or G {words} is shown"
+        if is_changing:
+            text = f"K, B or G change {words}"
+        text += f": a constant joint gives as large a variation with a probability of {all_p} "
+        text += f"(level {100 * VARIATION_LEVEL:g} %). "
+        text += f"Each of them alone, while the others may change: {each}. "
+        if not is_changing:
             text += "A change that is smaller than the bands may be there. "
         elif rows[label]["incomplete"]:
             text += "But the model is not complete, or the record has a fault, and what a model leaves out may be "
@@ -219,14 +224,17 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
 
 def _compare_with_constant(analysis: Analysis, rows: dict[str, Any], label: str, data: str) -> str:
     """VAF of unseen data beside that of a time-invariant fit."""
-    row, score = rows[label], rows[label]["vaf_unseen"]
+    score = rows[label]["vaf_unseen"]
     if pd.isna(score):
-        return (
-            f"There is no VAF of {data}: {row['unseen_warnings'].removeprefix('there is none: ')}"
-        )
+        reason = rows[label]["unseen_warnings"].removeprefix("there is none: ")
+        return f"There is no VAF of {data}: {reason}"
     text = f"Of the torque of {data} the trajectories explain {score:.1f} %"
-    for constant in (name for name in analysis.unseen if rows[name]["method"] == "riv"):
+    for constant, torques in analysis.unseen.items():
+        if rows[constant]["method"] != "riv":
+            continue
         text += f", the time-invariant fit ({constant}) {rows[constant]['vaf_unseen']:.1f} %"
-        if gain := compare_unseen(analysis.unseen[label], analysis.unseen[constant]):
-            text += f": a difference of {gain.difference:.1f} points (95 %: {gain.low:.1f} … {gain.high:.1f})"
+        gain = compare_unseen(analysis.unseen[label], torques)
+        if gain:
+            interval = f"95 %: {gain.low:.1f} … {gain.high:.1f}"
+            text += f": a difference of {gain.difference:.1f} points ({interval})"
     return f"{text}."

@@ -8,16 +8,16 @@ from typing import Any
 from ankleloop.methods.method import UNKNOWN, Method, Offer
 from ankleloop.methods.registry import METHODS, find_method
 
-LARGEST_PATH_BIAS = (
-    10.0  # % of K; the scatter of this measure in a record of a minute is about half of it
-)
+# % of K; the scatter of this measure in a record of a minute is about half of it.
+LARGEST_PATH_BIAS = 10.0
+
+Options = Mapping[str, Any]  # of a method, by name
+Methods = dict[str, dict[str, Any]]  # with their options, or what a study has of them
 
 
-def valid_methods(
-    loop: str, reference: bool, path_bias: float, *, merged: bool = False
-) -> dict[str, dict[str, Any]]:
+def valid_methods(loop: str, reference: bool, path_bias: float, *, merged: bool = False) -> Methods:
     """Methods of the library that are valid for a recording, with the options that make them so."""
-    methods: dict[str, dict[str, Any]] = {}
+    methods: Methods = {}
     for name, method in METHODS.items():
         options = _valid_options(method, reference) if loop != "open" or not reference else {}
         if reason_against(name, options, loop, reference, path_bias, merged=merged) is None:
@@ -60,7 +60,7 @@ def describe_validity(loop: str, reference: bool, path_bias: float, *, merged: b
 
 def reason_against(
     method: str | Method,
-    options: Mapping[str, Any],
+    options: Options,
     loop: str,
     reference: bool,
     path_bias: float,
@@ -85,7 +85,7 @@ def reason_against(
 
 
 def _reason_in_closed_loop(
-    method: Method, options: Mapping[str, Any], loop: str, reference: str | None
+    method: Method, options: Options, loop: str, reference: str | None
 ) -> str | None:
     """Why a method that uses a reference, or none, is not valid unless the loop is open."""
     validity = method.validity
@@ -100,14 +100,14 @@ def _reason_in_closed_loop(
     return None
 
 
-def _format_options(options: Mapping[str, Any]) -> str:
+def _format_options(options: Options) -> str:
     """Options as arguments of a call."""
     return ", ".join(f"{name}={value!r}" for name, value in options.items())
 
 
 def usual_methods(
     *, reference: bool, changing: bool = False, names: Collection[str] = ()
-) -> dict[str, dict[str, Any]]:
+) -> Methods:
     """Methods with labels and options that suit a minute of a recording at the ankle.
 
     Those of some names, registered ones among them; else all of the library that are offered, those for a joint that
@@ -128,7 +128,7 @@ def usual_methods(
 def _describe_offer(method: Method, offer: Offer, reference: bool) -> dict[str, Any]:
     """A method with its label, its options and those to be selected, as a study has them."""
     options = {**_valid_options(method, reference), **offer.options}
-    candidates: Mapping[str, Any] = {}
+    candidates: Options = {}
     if not reference:
         options |= offer.options_without_reference
         candidates = offer.candidates_without_reference

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -12,12 +12,13 @@ import pandas as pd
 from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.tables.means import COUNTS, count_outcomes, mean_scores, measure_statistics
+from ankleloop.tables.outcomes import Labels, Points
 from ankleloop.trials.files import atomic_file, write_csv
 
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"
 SEPARATOR = "-without-"  # in the name of a method: method, step
-COLUMNS = [
+OMISSION_COLUMNS = [
     "vaf_net_measured",
     "vaf_intrinsic_true",
     "vaf_reflex_true",
@@ -33,7 +34,8 @@ def format_number(value: float, spec: str = ".4g", margin: float = np.nan) -> st
     """A value, with ± half of its 95 % interval where there is one; a dash where there is no value."""
     if pd.isna(value):
         return "–"
-    return f"{value:{spec}}" + ("" if pd.isna(margin) else f" ± {margin:.2g}")
+    text = f"{value:{spec}}"
+    return text if pd.isna(margin) else f"{text} ± {margin:.2g}"
 
 
 def format_pairs(
@@ -62,11 +64,10 @@ def format_means(
 ) -> list[str]:
     """Means over trials ± half of their 95 % intervals; as errors in percent where true values are given."""
     means = summary[f"{name}_mean"]
-    margins = pd.Series(
-        confidence_margin(summary[f"{name}_std"], summary[f"{name}_count"]), summary.index
-    )
+    margins = confidence_margin(summary[f"{name}_std"], summary[f"{name}_count"])
     if truth is not None:
-        means, margins = 100.0 * (means / truth - 1.0), 100.0 * margins / truth
+        means = 100.0 * (means / truth - 1.0)
+        margins = 100.0 * margins / truth
     return format_pairs(means, margins, template)
 
 
@@ -79,22 +80,19 @@ def compare_with_published(
     return table[[*by, *keys, "paper", "mean", "sd", "n", *COUNTS]]
 
 
-def format_table(table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
+def format_table(table: pd.DataFrame, labels: Labels) -> pd.DataFrame:
     """A table as people read it: labels for methods, mean ± half its 95 % interval, difference to the paper, counts."""
-    numbers = [
-        name for name in ("paper", "mean", "sd", "n", *COUNTS, "low", "high") if name in table
-    ]
-    cells = table.drop(columns=numbers).assign(method=table["method"].map(labels))
+    cells = table.drop(columns=["paper", "mean", "sd", "n", *COUNTS])
+    cells["method"] = table["method"].map(labels)
     settings = cells.select_dtypes("number").columns
     cells[settings] = cells[settings].map("{:g}".format).astype(object)
+    margins = confidence_margin(table["sd"], table["n"])
+    differences = table["mean"] - table["paper"]
     cells["paper [%]"] = [format_number(value, ".0f") for value in table["paper"]]
-    cells["ours [%]"] = format_pairs(
-        table["mean"], confidence_margin(table["sd"], table["n"]), "{:.1f} ± {:.2f}"
-    )
-    cells["difference [points]"] = [
-        format_number(value, "+.1f") for value in table["mean"] - table["paper"]
-    ]
-    return cells.assign(**{name: table[name].astype(str) for name in COUNTS})
+    cells["ours [%]"] = format_pairs(table["mean"], margins, "{:.1f} ± {:.2f}")
+    cells["difference [points]"] = [format_number(value, "+.1f") for value in differences]
+    cells[COUNTS] = table[COUNTS].astype(str)
+    return cells
 
 
 def compare_with_bound(
@@ -103,95 +101,85 @@ def compare_with_bound(
     bounds: Mapping[tuple[str, str], Mapping[str, float]],
 ) -> pd.DataFrame:
     """Errors of parameters over trials, their size over the Cramér-Rao bound, and intervals that hold the truth [%]."""
-    rows, keys = [], ["point", "method"]
+    keys = ["point", "method"]
+    rows = []
     for (point, method), part in details.groupby(keys, sort=False):
-        estimated = details[details["method"] == method].dropna(
-            axis="columns", how="all"
-        )  # at some point
-        for name in (name for name in truths[point] if name in estimated):
-            truth, bound, values = (
-                truths[point][name],
-                bounds[point, method].get(name, np.nan),
-                part[name].dropna(),
-            )
-            mean, rmse = values.mean(), float(np.sqrt(((values - truth) ** 2).mean()))
+        # Parameters that the method estimates, if only at other points.
+        estimated = details[details["method"] == method].dropna(axis="columns", how="all")
+        for name, truth in truths[point].items():
+            if name not in estimated:
+                continue
+            values = part[name].dropna()
+            mean = values.mean()
+            rmse = float(np.sqrt(((values - truth) ** 2).mean()))
+            bound = bounds[point, method].get(name, np.nan)
             ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().astype(float)
-            is_covered = (ends[f"{name}_low"] <= truth) & (truth <= ends[f"{name}_high"])
-            row = {"point": point, "method": method, "parameter": name, "truth": truth}
-            row |= {
+            low, high = (ends[column] for column in ends)
+            row = {
+                "point": point,
+                "method": method,
+                "parameter": name,
+                "truth": truth,
                 "mean": mean,
                 "bias": mean - truth,
                 "sd": values.std(),
                 "rmse": rmse,
                 "n": len(values),
+                "bound": bound,
+                "ratio": rmse / bound if bound > 0 else np.nan,
+                "covered": 100.0 * ((low <= truth) & (truth <= high)).mean(),
             }
-            ratio = rmse / bound if bound > 0 else np.nan
-            row |= {"bound": bound, "ratio": ratio, "covered": 100.0 * is_covered.mean()}
             rows.append(row)
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), on=keys)
 
 
-def tabulate_omissions(
-    details: pd.DataFrame, points: Mapping[str, Mapping[str, Any]], labels: Mapping[str, str]
-) -> pd.DataFrame:
+def tabulate_omissions(details: pd.DataFrame, points: Points, labels: Labels) -> pd.DataFrame:
     """Means over trials of each method with all steps of the processing and without each, with what that changes."""
-    details = details.reindex(
-        columns=list(dict.fromkeys([*details, *COLUMNS, "failure", "warnings"]))
-    )
-    for step in OMITTED_STEPS:  # a warning that says which step is left out
-        details["warnings"] = (
-            details["warnings"].fillna("").str.replace(describe_omission(step), "", regex=False)
-        )
-    details["warnings"] = details["warnings"].str.strip()
-    counts = count_outcomes(details, ["point", "method"]).set_index(["point", "method"])
+    keys = ["point", "method"]
+    # The warning that a step is left out is none here.
+    warnings = details["warnings"].fillna("")
+    for step in OMITTED_STEPS:
+        warnings = warnings.str.replace(describe_omission(step), "", regex=False)
+    counted = details.assign(warnings=warnings.str.strip())
+    counts = count_outcomes(counted, keys).set_index(keys)
     results = {
-        place: part.set_index("trial")[COLUMNS].astype(float)
-        for place, part in details.groupby(["point", "method"])
+        place: part.set_index("trial").reindex(columns=OMISSION_COLUMNS).astype(float)
+        for place, part in details.groupby(keys)
     }
-    conditions = _name_conditions(points)
-    unfiltered = {
-        _settings_but_filter(settings): point
-        for point, settings in points.items()
-        if not settings["antialias_cutoff"]
-    }
+    methods = [name for name in labels if SEPARATOR not in name]
     rows = []
-    for point, condition in conditions.items():
-        without_filter = unfiltered.get(_settings_but_filter(points[point]))
-        for method in (name for name in labels if SEPARATOR not in name):
-            places = {COMPLETE: (point, method), FILTER: (without_filter, method)}
-            places |= {
-                step.replace("-", " "): (point, f"{method}{SEPARATOR}{step}")
-                for step in OMITTED_STEPS
-            }
-            for label, place in places.items():
-                if place in results:
-                    row = {"condition": condition, "method": labels[method], "omitted_step": label}
-                    changes = _measure_changes(
-                        results[place], results[point, method], paired=label != FILTER
-                    )
-                    rows.append({**row, **changes, **counts.loc[place]})
+    for (point, condition), method in product(_name_conditions(points).items(), methods):
+        places = {COMPLETE: (point, method), FILTER: (_find_unfiltered(points, point), method)}
+        for step in OMITTED_STEPS:
+            places[step.replace("-", " ")] = point, f"{method}{SEPARATOR}{step}"
+        for label, place in places.items():
+            if place not in results:
+                continue
+            changes = _measure_changes(
+                results[place], results[point, method], paired=label != FILTER
+            )
+            row = {"condition": condition, "method": labels[method], "omitted_step": label}
+            rows.append({**row, **changes, **counts.loc[place]})
     return pd.DataFrame(rows)
 
 
-def _name_conditions(points: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+def _name_conditions(points: Points) -> dict[str, str]:
     """Condition of each point with an anti-aliasing filter, in words; with its name where two have the same words."""
-    words = {
-        point: "without noise" if _is_clean(settings) else "with noise"
-        for point, settings in points.items()
-        if settings["antialias_cutoff"]
-    }
+    words = {}
+    for point, settings in points.items():
+        is_clean = settings["snr_db"] is None and settings["voluntary"] == 0
+        if settings["antialias_cutoff"]:
+            words[point] = "without noise" if is_clean else "with noise"
     counts = Counter(words.values())
     return {
         point: text if counts[text] == 1 else f"{text}, {point}" for point, text in words.items()
     }
 
 
-def _is_clean(settings: Mapping[str, Any]) -> bool:
-    return settings["snr_db"] is None and settings["voluntary"] == 0
-
-
-def _settings_but_filter(settings: Mapping[str, Any]) -> str:
-    return repr(sorted((k, v) for k, v in settings.items() if k != "antialias_cutoff"))
+def _find_unfiltered(points: Points, point: str) -> str | None:
+    """The point with the settings of another one, but without an anti-aliasing filter."""
+    wanted = {**points[point], "antialias_cutoff": None}
+    return next((name for name, settings in points.items() if settings == wanted), None)
 
 
 def _measure_changes(
@@ -207,13 +195,16 @@ def _measure_changes(
         cost_margins = np.hypot(margins, complete_margins)
     numbers = {"mean": means, "margin": margins, "cost": costs, "cost_margin": cost_margins}
     return {
-        f"{name}_{key}": float(column[name]) for name in COLUMNS for key, column in numbers.items()
+        f"{name}_{key}": float(column[name])
+        for name in OMISSION_COLUMNS
+        for key, column in numbers.items()
     }
 
 
 def _measure_means(values: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
     """Means of all columns, and half of the 95 % interval of each."""
-    rows = measure_statistics(values.assign(all=""), ["all"], COLUMNS).set_index("quantity")
+    rows = measure_statistics(values.assign(all=""), ["all"], OMISSION_COLUMNS)
+    rows = rows.set_index("quantity")
     return rows["mean"], rows["margin"]
 
 

@@ -10,11 +10,7 @@ from ankleloop.signals.vaf import confidence_margin
 
 KEYS = ["point", "method", "trial"]  # of an estimate
 COUNTS = ["trials", "failures", "warnings", "without G"]  # columns of every table of means
-STATISTICS = {
-    "mean": "mean",
-    "sd": "std",
-    "n": "count",
-}  # of a quantity, by the functions of pandas
+STATISTICS = {"mean": "mean", "sd": "std", "n": "count"}  # by the functions of pandas
 
 
 def means(
@@ -102,13 +98,12 @@ def mark_faults(rows: pd.DataFrame) -> pd.Series:
 def widen(rows: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Means with a row for each group, and columns NAME_mean, NAME_std, NAME_count of each quantity."""
     keys = list(by)
-    groups = rows.drop_duplicates(keys)[[*keys, *COUNTS]].reset_index(drop=True)
-    numbers = {
-        f"{name}_{function}": rows.loc[rows["quantity"] == name, column].to_numpy()
-        for name in rows["quantity"].unique()
-        for column, function in STATISTICS.items()
-    }
-    return pd.concat([groups[keys], pd.DataFrame(numbers), groups[COUNTS]], axis="columns")
+    groups = rows.drop_duplicates(keys).reset_index(drop=True)
+    table = groups[keys]
+    for name, part in rows.groupby("quantity", sort=False):
+        numbers = part[list(STATISTICS)].rename(columns=STATISTICS).reset_index(drop=True)
+        table = table.join(numbers.add_prefix(f"{name}_"))
+    return table.join(groups[COUNTS])
 
 
 def mean_scores(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
@@ -130,12 +125,11 @@ def curve_means(
     parts = [means(table, keys, [column]).assign(panel=panel) for panel, column in columns.items()]
     rows = pd.concat(parts, ignore_index=True)
     order = {name: number for number, name in enumerate(dict.fromkeys(table["series"]))}
-    shown = rows[[*by, "panel", "series", "x"]].assign(
-        value=rows["mean"],
-        low=rows["mean"] - rows["margin"],
-        high=rows["mean"] + rows["margin"],
-        trials=rows["n"],
-        marked=mark_faults(rows),
-        failed=rows["failures"] == rows["trials"],
-    )
+    shown = rows[[*by, "panel", "series", "x"]].copy()
+    shown["value"] = rows["mean"]
+    shown["low"] = rows["mean"] - rows["margin"]
+    shown["high"] = rows["mean"] + rows["margin"]
+    shown["trials"] = rows["n"]
+    shown["marked"] = mark_faults(rows)
+    shown["failed"] = rows["failures"] == rows["trials"]
     return shown.sort_values(["series", "x"], key=lambda column: column.replace(order))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -20,26 +19,16 @@ from ankleloop.quantities import ERRORS, FAULTS, QUANTITIES, SETTINGS, point_col
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.comparisons import format_pairs
 from ankleloop.tables.means import list_faults, means, measure_statistics
-from ankleloop.tables.outcomes import CONDITIONS, true_values
-from ankleloop.tables.trial_tables import (
-    default_quantities,
-    label_parameter,
-    read_trial_table,
-)
+from ankleloop.tables.outcomes import CONDITIONS, Labels, Settings
+from ankleloop.tables.trial_tables import default_quantities, label_parameter, read_trial_table
+from ankleloop.trials.files import PathLike
 
 MOST_COLUMNS = 8  # parameters over which lines are drawn
 LEAST_SHARE = 0.5  # of the trials of a point that need an estimate for its mean to be ranked
-FAULT_SHARE = (
-    0.05  # of the trials of a mean that failed or came with a warning, from which on it is marked
-)
-QUANTILES = {
-    "low": 0.1,
-    "median": 0.5,
-    "high": 0.9,
-}  # between the outer ones are 80 % of the trials
-STATISTICS = ["mean", "sd", "n", "margin", *QUANTILES]
-COUNTS = ["trials", "failures", "warnings"]
-DIFFERENCE = MethodStyle("#222222", "o")
+# Of the trials of a mean that failed or came with a warning, from which on it is marked.
+FAULT_SHARE = 0.05
+QUANTILES = {"low": 0.1, "median": 0.5, "high": 0.9}  # between the outer ones are 80 % of trials
+DIFFERENCE_STYLE = MethodStyle("#222222", "o")
 BANDS = (
     "bands are 95 % confidence intervals of the mean over the conditions of a value, or over its trials where it has "
     "one condition"
@@ -54,6 +43,10 @@ EXTREMES = (
     "of the trials have a value are not ranked. Means leave out failures and hold estimates with a warning. All points "
     "are in the CSV file."
 )
+
+
+Axes = tuple[SweepAxis, ...]
+CaptionedFigure = tuple[Figure, str]
 
 
 @dataclass(frozen=True)
@@ -76,23 +69,23 @@ class SweepStudy:
     # A row for each point, method and trial with the quantities, and whether it failed or warned; behind them, as a
     # method of its own, differences of two methods.
     trials: pd.DataFrame
-    parameters: tuple[SweepAxis, ...]  # parameters with more than one value
-    axes: tuple[SweepAxis, ...]  # those that pictures are drawn over
+    parameters: Axes  # parameters with more than one value
+    axes: Axes  # those that pictures are drawn over
     quantities: list[str]  # that are shown
     absent: list[str]  # quantities that the configuration names and the table does not have
-    labels: Mapping[str, str]  # of the methods that are shown
+    labels: Labels  # of the methods that are shown
     difference: str  # label of the difference of two methods; empty without one
-    simulation: Mapping[str, Any]  # settings that all points share
+    simulation: Settings  # settings that all points share
     styles: Mapping[str, MethodStyle]  # by label
 
     @classmethod
     def read(
         cls,
-        path: str | PathLike[str],
+        path: PathLike,
         varied: Sequence[str],
-        methods: Mapping[str, str],
+        methods: Labels,
         settings: Mapping[str, Any],
-        simulation: Mapping[str, Any],
+        simulation: Settings,
         algorithms: Mapping[str, str] | None = None,
     ) -> SweepStudy:
         """Read the table of trials of a study, in which the settings and options `varied` differ."""
@@ -105,48 +98,46 @@ class SweepStudy:
                 f"{path}: no method has a value of {', '.join(wanted)}: name other quantities under sweep."
             )
         points = trials.drop_duplicates("point")
-        axes = {
-            name: SweepAxis.of(
-                name,
-                label_parameter(name, methods),
-                points[point_column(name)],
-                CONDITIONS.get(name, {}),
-            )
-            for name in varied
-        }
-        parameters = tuple(axis for axis in axes.values() if len(axis.values) > 1)
-        drawn = tuple(axes[name] for name in settings["axes"] or ()) or parameters[:MOST_COLUMNS]
-        labels = {
-            name: label
-            for name, label in methods.items()
-            if name in (settings["methods"] or methods)
-        }
-        shown, pair = trials[trials["method"].isin(list(labels))], settings["difference"] or ()
+        axes = {}
+        for name in varied:
+            label = label_parameter(name, methods)
+            values = points[point_column(name)]
+            axes[name] = SweepAxis.of(name, label, values, CONDITIONS.get(name, {}))
+        parameters = [axis for axis in axes.values() if len(axis.values) > 1]
+        drawn = [axes[name] for name in settings["axes"] or ()]
+        chosen = settings["methods"] or methods
+        labels = {name: label for name, label in methods.items() if name in chosen}
+        shown = trials[trials["method"].isin(list(labels))]
+        pair = settings["difference"] or ()
         difference = " − ".join(methods[name] for name in pair)
         if pair:
-            shown = pd.concat(
-                [shown, pair_methods(trials, pair[0], pair[1], quantities)], ignore_index=True
-            )
-        absent = [name for name in wanted if name not in quantities]
-        styles = label_styles(methods, algorithms or {}) | {difference: DIFFERENCE}
-        drawn = drawn or tuple(axes.values())[:1]
+            differences = pair_methods(trials, pair[0], pair[1], quantities)
+            shown = pd.concat([shown, differences], ignore_index=True)
         return cls(
-            shown, parameters, drawn, quantities, absent, labels, difference, simulation, styles
+            trials=shown,
+            parameters=tuple(parameters),
+            axes=tuple(drawn or parameters[:MOST_COLUMNS] or list(axes.values())[:1]),
+            quantities=quantities,
+            absent=[name for name in wanted if name not in quantities],
+            labels=labels,
+            difference=difference,
+            simulation=simulation,
+            styles=label_styles(methods, algorithms or {}) | {difference: DIFFERENCE_STYLE},
         )
 
     @cached_property
     def panels(self) -> dict[tuple[str, bool], SweepPanel]:
         """Panels of quantities and, behind each, of the difference of two methods."""
-        panels, varied = {}, [axis.name for axis in self.parameters]
+        panels = {}
+        varied = [axis.name for axis in self.parameters]
+        shared = {name: value for name, value in self.simulation.items() if name not in varied}
         for name in self.quantities:
-            quantity, truth = QUANTITIES[name], None  # of a parameter that all points share
-            if name in SETTINGS and SETTINGS[name] not in varied:
-                truth = true_values(self.simulation, [name])[name]
-            panels[name, False] = SweepPanel(name, quantity.label, QUANTITIES[name].goal, truth)
+            quantity = QUANTITIES[name]
+            truth = shared.get(SETTINGS.get(name, ""))
+            panels[name, False] = SweepPanel(name, quantity.label, quantity.goal, truth)
             if self.difference:
-                label = (
-                    f"Δ {quantity.symbol} [{'points' if quantity.unit == '%' else quantity.unit}]"
-                )
+                unit = "points" if quantity.unit == "%" else quantity.unit
+                label = f"Δ {quantity.symbol} [{unit}]"
                 panels[name, True] = SweepPanel(name, label, "zero")
         return panels
 
@@ -158,41 +149,41 @@ class SweepStudy:
     def label_rows(self, summary: pd.DataFrame) -> pd.DataFrame:
         """A summary as figures take it: panels, series, bands and marks; shares of trials have neither of these."""
         table = summary.rename(columns={"mean": "value"})
-        is_share, series = table["quantity"].isin([*FAULTS]), table["method"].map(self.labels)
-        keys = zip(table["quantity"], series.isna(), strict=True)
-        table["series"], table["panel"] = (
-            series.fillna(self.difference),
-            [self.panels[key].label for key in keys],
-        )
+        quantities = table.pop("quantity")
+        is_share = quantities.isin(list(FAULTS))
+        series = table["method"].map(self.labels)
+        keys = zip(quantities, series.isna(), strict=True)
         margin = table["margin"].mask(is_share)
-        table["low"], table["high"] = table["value"] - margin, table["value"] + margin
+        failed = ~is_share & (table["failures"] == table["trials"])
         faults = table["failures"] + table["warnings"]
-        table["failed"] = ~is_share & (table["failures"] == table["trials"])
-        table["marked"] = ~is_share & ~table["failed"] & (faults >= FAULT_SHARE * table["trials"])
-        return table.drop(columns="quantity")
+        return table.assign(
+            series=series.fillna(self.difference),
+            panel=[self.panels[key].label for key in keys],
+            low=table["value"] - margin,
+            high=table["value"] + margin,
+            failed=failed,
+            marked=~is_share & ~failed & (faults >= FAULT_SHARE * table["trials"]),
+        )
 
 
 def measure_trials(
     table: pd.DataFrame,
     varied: Sequence[str],
     quantities: Sequence[str],
-    simulation: Mapping[str, Any],
+    simulation: Settings,
 ) -> pd.DataFrame:
     """Quantities of each trial of a table; errors are relative to the truth of each point, in per cent."""
     faults = list_faults(table)
-    values = map(point_column, varied)
-    trials = table[["point", "trial", *values, "method"]].assign(
-        failed=faults["failures"], warned=faults["warnings"]
-    )
+    keys = ["point", "trial", *map(point_column, varied), "method"]
+    trials = table[keys].assign(failed=faults["failures"], warned=faults["warnings"])
     table = table.assign(**(100.0 * faults))
     for name in quantities:
         source = name.removesuffix("_error")
-        values = table.get(source, pd.Series(np.nan, table.index)).astype(float)
+        values = pd.Series(table.get(source), table.index, dtype=float)
         if name in ERRORS:  # an error [%] does not exist where the truth is 0
             setting = SETTINGS[source]
-            truth = table.get(
-                point_column(setting), pd.Series(simulation.get(setting), table.index)
-            ).astype(float)
+            truth = table.get(point_column(setting), simulation.get(setting))
+            truth = pd.Series(truth, table.index, dtype=float)
             values = 100.0 * (values / truth.where(truth != 0) - 1.0)
         trials[name] = values
     return trials
@@ -206,11 +197,15 @@ def pair_methods(
         trials[trials["method"] == name].set_index(["point", "trial"]) for name in (first, second)
     )
     other = other.reindex(own.index)
+    names = list(quantities)
+    failed = own["failed"] | other["failed"]
     table = own.assign(
-        method=f"{first} − {second}", **{name: own[name] - other[name] for name in quantities}
+        method=f"{first} − {second}",
+        failed=failed,
+        warned=(own["warned"] | other["warned"]) & ~failed,
     )
-    failed, warned = own["failed"] | other["failed"], own["warned"] | other["warned"]
-    return table.assign(failed=failed, warned=warned & ~failed).reset_index()[list(trials.columns)]
+    table[names] = own[names] - other[names]
+    return table.reset_index()[list(trials.columns)]
 
 
 def _group(table: pd.DataFrame, by: Sequence[str]) -> Any:
@@ -222,7 +217,14 @@ def summarise_sweep(
     trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]
 ) -> pd.DataFrame:
     """Means over trials with their spread, and what the means leave out."""
-    return means(trials, by, quantities, QUANTILES)[[*by, "quantity", *STATISTICS, *COUNTS]]
+    return means(trials, by, quantities, QUANTILES).drop(columns="without G")
+
+
+def _number_conditions(trials: pd.DataFrame) -> pd.Series:
+    """Number of the condition of each trial, which points share that differ in options alone."""
+    columns = map(point_column, SimulationSettings.model_fields)
+    settings = [column for column in columns if column in trials]
+    return _group(trials, settings).ngroup() if settings else pd.Series(0, trials.index)
 
 
 def summarise_effects(
@@ -234,23 +236,21 @@ def summarise_effects(
     share it, and points that differ in options alone share their trials, too. Where a value has a single condition, it
     is over the trials of that condition.
     """
-    settings = [
-        point_column(name)
-        for name in SimulationSettings.model_fields
-        if point_column(name) in trials
-    ]
-    condition = _group(trials, settings).ngroup() if settings else 0
-    values = axis.bin(trials[axis.column]) if binned else trials[axis.column]
-    table = trials.assign(parameter=axis.name, setting=values, condition=condition)
+    values = trials[axis.column]
+    table = trials.assign(
+        parameter=axis.name,
+        setting=axis.bin(values) if binned else values,
+        condition=_number_conditions(trials),
+    )
     by = ["parameter", "setting", "method"]
-    several = _group(table, by)["condition"].transform("nunique") > 1
-    table["unit"] = table["condition"].where(several, table["trial"])
+    has_several = _group(table, by)["condition"].transform("nunique") > 1
+    table["unit"] = table["condition"].where(has_several, table["trial"])
     units = _group(table, [*by, "unit"])[list(quantities)].mean().reset_index()
     over_units = measure_statistics(units, by, quantities)[["mean", "sd", "n", "margin"]]
     return summarise_sweep(table, by, quantities).assign(**over_units)
 
 
-def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
+def draw_sweep(sweep: SweepStudy) -> CaptionedFigure:
     """The picture of a sweep with its caption: lines over one axis, maps over two, a matrix of effects over more."""
     if len(sweep.axes) == 2:
         return draw_map(sweep)
@@ -264,56 +264,52 @@ def draw_sweep(sweep: SweepStudy) -> tuple[Figure, str]:
     return figure, f"{_describe(sweep, sweep.axes)}; {BANDS}.{MARKS}"
 
 
-def draw_map(sweep: SweepStudy) -> tuple[Figure, str]:
+def draw_map(sweep: SweepStudy) -> CaptionedFigure:
     """Maps over the first two axes of a sweep; a random design is binned."""
     x, y = sweep.axes[:2]
-    trials = sweep.trials
-    if 2 * len(trials[[x.column, y.column]].drop_duplicates()) < len(x.values) * len(
-        y.values
-    ):  # no grid
-        trials = trials.assign(**{axis.column: axis.bin(trials[axis.column]) for axis in (x, y)})
-        x, y = (
-            SweepAxis.of(axis.name, axis.label, trials[axis.column], axis.words) for axis in (x, y)
-        )
-    table = trials.assign(x=trials[x.column], y=trials[y.column])
+    table = sweep.trials.assign(x=sweep.trials[x.column], y=sweep.trials[y.column])
+    number_of_cells = len(x.values) * len(y.values)
+    if 2 * len(table[["x", "y"]].drop_duplicates()) < number_of_cells:  # no grid
+        table = table.assign(x=x.bin(table["x"]), y=y.bin(table["y"]))
+        x = replace(x, values=SweepAxis.of(x.name, x.label, table["x"]).values)
+        y = replace(y, values=SweepAxis.of(y.name, y.label, table["y"]).values)
     cells = sweep.label_rows(summarise_sweep(table, ["x", "y", "method"], sweep.quantities))
-    figure = maps_figure(cells, (x, y), list(sweep.panels.values()))
-    truths = [
-        QUANTITIES[panel.quantity].symbol
-        for panel in sweep.panels.values()
-        if panel.truth is not None
-    ]
-    white = f" White is the true value of {', '.join(truths)}." if truths else ""
-    text = f"{_describe(sweep, sweep.axes[:2])}. The ends of colour bars stand for all values beyond them."
-    return figure, f"{text}{white}{MARKS}"
+    panels = list(sweep.panels.values())
+    figure = maps_figure(cells, (x, y), panels)
+    described = _describe(sweep, sweep.axes[:2])
+    text = f"{described}. The ends of colour bars stand for all values beyond them."
+    truths = [QUANTITIES[panel.quantity].symbol for panel in panels if panel.truth is not None]
+    if truths:
+        text += f" White is the true value of {', '.join(truths)}."
+    return figure, text + MARKS
 
 
-def _describe(sweep: SweepStudy, axes: tuple[SweepAxis, ...]) -> str:
+def _describe(sweep: SweepStudy, axes: Sequence[SweepAxis]) -> str:
     """What a picture over some parameters shows."""
-    names = {axis.name for axis in axes}
-    others = [axis.description for axis in sweep.parameters if axis.name not in names]
+    others = [axis.description for axis in sweep.parameters if axis not in axes]
     text = f"Means over trials against {', '.join(axis.description for axis in axes)}"
-    text += f"; each is over all values of {', '.join(others)}" if others else ""
-    return text + (
-        f"; differences (Δ) are {sweep.difference}, trial by trial" if sweep.difference else ""
-    )
+    if others:
+        text += f"; each is over all values of {', '.join(others)}"
+    if sweep.difference:
+        text += f"; differences (Δ) are {sweep.difference}, trial by trial"
+    return text
 
 
 def describe_design(sweep: SweepStudy) -> str:
     """What was varied: each parameter with its values, and the numbers of points, conditions, trials and faults."""
-    points = sweep.trials.drop_duplicates("point")
-    settings = [
-        axis.column for axis in sweep.parameters if axis.name in SimulationSettings.model_fields
-    ]
-    conditions = len(points[settings].drop_duplicates()) if settings else 1
-    own = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
-    absent = ", ".join(QUANTITIES[name].symbol for name in sweep.absent)
-    return (
-        f"Varied: {'; '.join(map(_list_values, sweep.parameters)) or 'nothing'}. Points: {len(points):,}; conditions "
-        f"(points that differ in options alone share their trials): {conditions:,}; trials at each point: "
-        f"{own['trial'].nunique()}. Identifications: {len(own):,}; failed: {own['failed'].sum():,}; with a warning: "
-        f"{own['warned'].sum():,}."
-    ) + (f" No method of this study gives {absent}." if absent else "")
+    trials = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
+    varied = "; ".join(map(_list_values, sweep.parameters)) or "nothing"
+    text = (
+        f"Varied: {varied}. Points: {trials['point'].nunique():,}; conditions "
+        "(points that differ in options alone share their trials): "
+        f"{_number_conditions(trials).nunique():,}; trials at each point: {trials['trial'].nunique()}. "
+        f"Identifications: {len(trials):,}; failed: {trials['failed'].sum():,}; "
+        f"with a warning: {trials['warned'].sum():,}."
+    )
+    if sweep.absent:
+        absent = [QUANTITIES[name].symbol for name in sweep.absent]
+        text += f" No method of this study gives {', '.join(absent)}."
+    return text
 
 
 def _list_values(axis: SweepAxis) -> str:
@@ -327,27 +323,27 @@ def _list_values(axis: SweepAxis) -> str:
 def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
     """Points with the best and the worst mean of each quantity and method; lowest and highest without a goal."""
     table = summary[summary["n"] >= LEAST_SHARE * summary["trials"]]
+    mean = table["mean"]
     goals = table["quantity"].map(lambda name: QUANTITIES[name].goal)
-    error = np.sqrt(
-        table["mean"] ** 2 + table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"]
-    )
-    size = (
-        table["mean"].mask(goals == "high", -table["mean"]).mask(goals == "zero", error)
-    )  # the less, the better
-    table = table.assign(size=size).sort_values("size", kind="stable")
+    variance = table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"]
+    error = np.sqrt(mean**2 + variance)
+    # The less, the better.
+    size = mean.mask(goals == "high", -mean).mask(goals == "zero", error)
+    text = format_pairs(mean, table["sd"], "{:.4g} ± {:.2g}")
+    table = table.assign(size=size, text=text).sort_values("size", kind="stable")
     rows = []
     for name, method in product(sweep.quantities, sweep.labels):
-        part = table[(table["quantity"] == name) & (table["method"] == method)]
+        points = table[(table["quantity"] == name) & (table["method"] == method)]
+        if len(points) < 2:
+            continue
+        label = QUANTITIES[name].label
         ranks = ("best", "worst") if QUANTITIES[name].goal else ("lowest", "highest")
-        for rank, (_, point) in (
-            zip(ranks, part.iloc[[0, -1]].iterrows(), strict=True) if len(part) > 1 else ()
-        ):
-            row = {
-                "quantity": QUANTITIES[name].label,
-                "method": sweep.labels[method],
-                "rank": rank,
-            }
-            row |= {axis.heading: axis.format(point[axis.column]) for axis in sweep.parameters}
-            row["mean ± sd"] = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")[0]
-            rows.append(row | {count: str(point[count]) for count in COUNTS})
+        for rank, point in zip(ranks, points.iloc[[0, -1]].to_dict("records"), strict=True):
+            row = {"quantity": label, "method": sweep.labels[method], "rank": rank}
+            for axis in sweep.parameters:
+                row[axis.heading] = axis.format(point[axis.column])
+            row["mean ± sd"] = point["text"]
+            for count in ("trials", *FAULTS):
+                row[count] = str(point[count])
+            rows.append(row)
     return pd.DataFrame(rows)

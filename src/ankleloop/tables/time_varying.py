@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
-from os import PathLike
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from scipy import stats
 
 from ankleloop.assessment.cramer_rao import trajectory_bound
@@ -20,26 +20,24 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 from ankleloop.tables.captions import LOAD, format_load
 from ankleloop.tables.means import count_outcomes, measure_statistics
+from ankleloop.tables.outcomes import Points, Settings
+from ankleloop.trials.files import PathLike
 
-NAMES = {"stiffness": "K", "viscosity": "B", "gain": "G"}  # of the trajectories of a simulation
-SCORES = {
-    "error": "nrmse",
-    "mean_error": "bias",
-    "covered": "covered",
-}  # columns of the table of trials
+# Parameters by the names of the trajectories of a simulation.
+TRAJECTORY_PARAMETERS = {"stiffness": "K", "viscosity": "B", "gain": "G"}
+# Scores of a trajectory in the table of trials, by the column of their mean.
+TRAJECTORY_SCORES = {"error": "nrmse", "mean_error": "bias", "covered": "covered"}
 VARIATIONS = {
     "cycle": "{:g} cycles",
     "time": "over {:g} s",
     "schedule": "scheduling variable, {:g} s",
 }
 PLACES = 101
-SEED = 0  # of the perturbation, on which the bound hardly depends
+BOUND_SEED = 0  # of the perturbation, on which the bound hardly depends
 SPREAD = (0.025, 0.975)  # quantiles of the trials
 
-Points = Mapping[str, Mapping[str, Any]]
 
-
-def _simulated(settings: Mapping[str, Any]) -> dict[str, Any]:
+def _simulated(settings: Settings) -> dict[str, Any]:
     """Settings of the simulation; points of a study have options of methods beside them."""
     return {
         name: value for name, value in settings.items() if name in SimulationSettings.model_fields
@@ -47,63 +45,65 @@ def _simulated(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def profile_trajectories(
-    settings: Mapping[str, Any], dimension: str, coordinate: np.ndarray
+    settings: Settings, dimension: str, coordinate: np.ndarray
 ) -> dict[str, np.ndarray]:
     """True K, B and G of a setting over what they vary with.
 
     Shapes: coordinate (places,); returns (places,).
     """
-    chosen = SimulationSettings(**{**_simulated(settings), "cycle_jitter": 0.0})
-    time = coordinate * chosen.cycle_duration
+    simulated = _simulated(settings) | {"cycle_jitter": 0.0}
     if dimension != "phase":  # a straight path over a record of any length takes each place in turn
-        chosen = chosen.model_copy(update={"variation": "time"})
-        time = coordinate * (chosen.duration if dimension == "schedule" else 1.0)
-    truth = trajectories(draw_course(chosen, np.random.default_rng(0)), time)
-    return {NAMES[name]: values for name, values in truth._asdict().items()}
+        simulated["variation"] = "time"
+    chosen = SimulationSettings(**simulated)
+    extents = {"phase": chosen.cycle_duration, "schedule": chosen.duration, "time": 1.0}
+    course = draw_course(chosen, np.random.default_rng(0))
+    truth = trajectories(course, coordinate * extents[dimension])
+    return {TRAJECTORY_PARAMETERS[name]: values for name, values in truth._asdict().items()}
 
 
-def average_trajectories(
-    estimates: Iterable[Estimate], settings: Mapping[str, Any]
-) -> pd.DataFrame:
+def average_trajectories(estimates: Iterable[Estimate], settings: Settings) -> pd.DataFrame:
     """Mean and spread of trajectories over trials, place by place, beside the truth."""
     curves = [estimate.trajectories for estimate in estimates if estimate.trajectories is not None]
     if not curves:
         return pd.DataFrame()
     dimension = str(next(iter(curves[0].sizes)))
-    places = [curve[dimension].values for curve in curves]
-    coordinate = np.linspace(
-        max(place[0] for place in places), min(place[-1] for place in places), PLACES
-    )
-    truths, tables = profile_trajectories(settings, dimension, coordinate), []
+    start = max(float(curve[dimension][0]) for curve in curves)
+    stop = min(float(curve[dimension][-1]) for curve in curves)
+    coordinate = np.linspace(start, stop, PLACES)
+    truths = profile_trajectories(settings, dimension, coordinate)
+    tables = []
     for name in TRAJECTORY_TRUTHS:
-        values = [
-            np.interp(coordinate, place, curve[name])
-            for place, curve in zip(places, curves, strict=True)
-        ]
-        trials = pd.DataFrame(np.stack(values))
+        values = [np.interp(coordinate, curve[dimension], curve[name]) for curve in curves]
+        trials = pd.DataFrame(values)
         low, high = trials.quantile(SPREAD).to_numpy() if len(curves) > 1 else (np.nan, np.nan)
-        table = pd.DataFrame(
-            {"place": coordinate, "truth": truths[name], "mean": trials.mean(), "sd": trials.std()}
-        )
-        tables.append(
-            table.assign(low=low, high=high, n=trials.count(), parameter=name, dimension=dimension)
-        )
+        columns = {
+            "place": coordinate,
+            "truth": truths[name],
+            "mean": trials.mean(),
+            "sd": trials.std(),
+            "low": low,
+            "high": high,
+            "n": trials.count(),
+            "parameter": name,
+            "dimension": dimension,
+        }
+        tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
 
 
 def average_study(
-    paths: Sequence[str | PathLike[str]], points: Points, methods: Iterable[str]
+    paths: Sequence[PathLike], points: Points, methods: Iterable[str]
 ) -> pd.DataFrame:
     """Mean trajectories of every setting and method of a study."""
-    parts = [
-        average_trajectories(load_estimates(paths, point, method).values(), settings).assign(
-            point=point, method=method
-        )
-        for (point, settings), method in product(points.items(), methods)
-    ]
-    if not any(map(len, parts)):
+    parts = []
+    for (point, settings), method in product(points.items(), methods):
+        estimates = load_estimates(paths, point, method).values()
+        table = average_trajectories(estimates, settings)
+        if not table.empty:
+            parts.append(table.assign(point=point, method=method))
+    if not parts:
         raise DataError("no estimate of the study has trajectories: add a method riv-tv.")
-    return pd.concat([part for part in parts if len(part)], ignore_index=True)
+    return pd.concat(parts, ignore_index=True)
 
 
 def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.DataFrame:
@@ -114,53 +114,60 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
     .. math:: \text{bias}^2 = \overline{(\overline{\hat K}(\tau) - K(\tau))^2}, \qquad
               \text{random}^2 = \overline{s^2(\tau)}, \qquad \text{total}^2 = \text{bias}^2 + \text{random}^2.
     """
-    rows, keys = [], ["point", "method"]
+    keys = ["point", "method"]
     curves = dict(iter(averages.groupby([*keys, "parameter"], sort=False)))
+    no_curve = pd.DataFrame(columns=averages.columns, dtype=float)
     names = [name for name in TRAJECTORY_TRUTHS if f"{name}_nrmse" in details]
-    scores = [f"{name}_{score}" for name in names for score in (*SCORES.values(), "rise")]
-    statistics = measure_statistics(details, keys, scores).set_index([*keys, "quantity"])
-    groups = details.groupby(keys, sort=False).groups
-    for (point, method), name in product(groups, names):
-        row = {"point": point, "method": method, "parameter": name}
-        for column, score in SCORES.items():
-            values = statistics.loc[(point, method, f"{name}_{score}")]
-            row |= {column: values["mean"], f"{column}_margin": values["margin"]}
-        curve = curves.get(
-            (point, method, name), pd.DataFrame(columns=averages.columns, dtype=float)
-        )
-        scale = 100.0 / curve["truth"].mean()
-        row["bias"] = scale * np.sqrt(((curve["mean"] - curve["truth"]) ** 2).mean())
-        row["random"] = scale * np.sqrt((curve["sd"] ** 2).mean())
-        row["total"] = np.hypot(row["bias"], row["random"])
-        rows.append(row | {"rise": statistics.loc[(point, method, f"{name}_rise"), "mean"]})
+    rows = []
+    for (point, method), part in details.groupby(keys, sort=False):
+        for name in names:
+            row = {"point": point, "method": method, "parameter": name}
+            scores = [f"{name}_{score}" for score in (*TRAJECTORY_SCORES.values(), "rise")]
+            statistics = measure_statistics(part, keys, scores)
+            *means, rise = statistics[["mean", "margin"]].to_numpy()
+            for column, (mean, margin) in zip(TRAJECTORY_SCORES, means, strict=True):
+                row |= {column: mean, f"{column}_margin": margin}
+            curve = curves.get((point, method, name), no_curve)
+            scale = 100.0 / curve["truth"].mean()
+            row["bias"] = scale * _root_mean_square(curve["mean"] - curve["truth"])
+            row["random"] = scale * _root_mean_square(curve["sd"])
+            row["total"] = np.hypot(row["bias"], row["random"])
+            row["rise"] = rise[0]
+            rows.append(row)
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
+
+
+def _root_mean_square(values: pd.Series | xr.DataArray) -> float:
+    """Root of the mean of the squares of what has a value."""
+    return float(np.sqrt((values**2).mean()))
 
 
 def count_cycles(details: pd.DataFrame) -> str:
     """Smallest and largest number of whole cycles of a trial that were identified; empty without cycles."""
-    counts = details["cycles"].dropna() if "cycles" in details else pd.Series(dtype=float)
-    return " to ".join(
-        dict.fromkeys(f"{count:.0f}" for count in (counts.min(), counts.max()) if counts.size)
-    )
+    counts = details.get("cycles", pd.Series(dtype=float)).dropna()
+    if counts.empty:
+        return ""
+    ends = [f"{counts.min():.0f}", f"{counts.max():.0f}"]
+    return " to ".join(dict.fromkeys(ends))
 
 
-def title_setting(settings: Mapping[str, Any], varied: Sequence[str]) -> str:
+def title_setting(settings: Settings, varied: Sequence[str]) -> str:
     """A setting of a study in a few words: what differs between the settings."""
+    has_cycles = settings["variation"] == "cycle"
     parts = [format_load(settings)] if set(LOAD) & set(varied) else []
     if "voluntary" in varied:
         parts.append(f"voluntary {100 * settings['voluntary']:g} %")
-    extent = settings["duration"] / (
-        settings["cycle_duration"] if settings["variation"] == "cycle" else 1.0
-    )
+    extent = settings["duration"] / (settings["cycle_duration"] if has_cycles else 1.0)
     parts.append(VARIATIONS[settings["variation"]].format(round(extent, 6)))
-    if settings["variation"] == "cycle" and settings["cycle_jitter"]:
+    if has_cycles and settings["cycle_jitter"]:
         parts.append(f"durations ± {100 * settings['cycle_jitter']:g} %")
     return ", ".join(parts)
 
 
 def typical_points(points: Points, most: int = 4) -> list[str]:
     """Points that a figure shows: all of a few, else some at equal distances in their list."""
-    names, step = list(points), max(1.0, len(points) / most)
+    names = list(points)
+    step = max(1.0, len(names) / most)
     return [names[int((number + 0.5) * step)] for number in range(min(most, len(names)))]
 
 
@@ -176,15 +183,16 @@ def compare_with_bound(details: pd.DataFrame, points: Points, method: str) -> pd
         settings = _simulated(points[str(point)])
         if settings.get("variation_shape") == "square":
             continue
-        bound = trajectory_bound(seed=SEED, **settings)
+        bound = trajectory_bound(seed=BOUND_SEED, **settings)
         dimension = str(next(iter(bound.sizes)))
         truths = profile_trajectories(settings, dimension, bound[dimension].values)
         for name in TRAJECTORY_TRUTHS:
-            unit, means = 100.0 / truths[name].mean(), part[f"{name}_bias"].dropna()
+            unit = 100.0 / truths[name].mean()
+            means = part[f"{name}_bias"].dropna()
             row = {"point": point, "parameter": name}
-            row["root_error"] = np.sqrt((part[f"{name}_nrmse"] ** 2).mean())
-            row["bound"] = unit * np.sqrt(float((bound[name] ** 2).mean()))
-            row["root_mean_error"] = np.sqrt((means**2).mean())
+            row["root_error"] = _root_mean_square(part[f"{name}_nrmse"])
+            row["bound"] = unit * _root_mean_square(bound[name])
+            row["root_mean_error"] = _root_mean_square(means)
             row["mean_bound"] = unit * float(bound[f"{name}_mean"])
             row["efficiency"] = 100.0 * (row["bound"] / row["root_error"]) ** 2
             row["mean_efficiency"] = 100.0 * (row["mean_bound"] / row["root_mean_error"]) ** 2

@@ -20,22 +20,22 @@ from ankleloop.joint.regressors import TORQUES
 from ankleloop.methods.registry import METHODS
 from ankleloop.quantities import POINT, QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.tables.captions import label_setting
+from ankleloop.tables.captions import label_axis
+from ankleloop.tables.outcomes import Labels
 from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
 
 HASH = b"settings"  # key of the hash of the settings that made a file
 REMEDY = "delete it, and run again"
-TYPES = {
-    **dict.fromkeys(
-        ("study", "point", "method", "reference", "intervals", "failure", "warnings"), pa.string()
-    ),
+FAULT_COLUMNS = ("failure", "warnings")  # the last ones
+TEXT_COLUMNS = ("study", "point", "method", "reference", "intervals", *FAULT_COLUMNS)
+# Of columns that hold no floating-point numbers.
+COLUMN_TYPES = {
+    **dict.fromkeys(TEXT_COLUMNS, pa.string()),
     **dict.fromkeys(("trial", "order", "passes", "cycles"), pa.int64()),
     **dict.fromkeys(("converged", "stable"), pa.bool_()),
-}  # of columns that hold no floating-point numbers
-LAST = ("failure", "warnings")
+}
 ENDS = ("_low", "_high")  # of the 95 % interval of a quantity
-ORDER = {name: rank for rank, name in enumerate(QUANTITIES)}
 
 
 def as_table(rows: Sequence[Mapping[str, Any]], types: Mapping[str, pa.DataType]) -> pa.Table:
@@ -44,12 +44,11 @@ def as_table(rows: Sequence[Mapping[str, Any]], types: Mapping[str, pa.DataType]
     `types` are those of the columns with the values of a point.
     """
     columns = {}
-    for name in dict.fromkeys([*(name for row in rows for name in row), *LAST]):
-        kind = types.get(name) or TYPES.get(name, pa.float64())
-        values = [row.get(name) for row in rows]
-        columns[name] = pa.array(
-            [None if value == "" else value for value in values], kind, from_pandas=True
-        )
+    known_types = {**COLUMN_TYPES, **types}
+    for name in dict.fromkeys([*(name for row in rows for name in row), *FAULT_COLUMNS]):
+        values = [None if row.get(name) == "" else row.get(name) for row in rows]
+        kind = known_types.get(name, pa.float64())
+        columns[name] = pa.array(values, kind, from_pandas=True)
     return pa.table(columns)
 
 
@@ -62,7 +61,8 @@ def save_table(table: pa.Table, path: PathLike, settings: str) -> None:
 
 def read_hash(path: PathLike) -> str:
     """Hash of the settings that made a table; empty where there is none."""
-    return ((_read_schema(path).metadata or {}).get(HASH) or b"").decode()
+    metadata = _read_schema(path).metadata or {}
+    return metadata.get(HASH, b"").decode()
 
 
 def join_tables(
@@ -81,9 +81,8 @@ def join_tables(
             raise DataError(f"{chunk}: the table was made with other settings: {REMEDY}.")
     schema = pa.unify_schemas([_read_schema(chunk).remove_metadata() for chunk in chunks])
     schema = pa.schema([schema.field(name) for name in _order_columns(schema.names)])
-    table = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema).to_table(
-        use_threads=False
-    )
+    files = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema)
+    table = files.to_table(use_threads=False)
     if len(table) != rows:
         raise DataError(
             f"{next(iter(chunks))} …: they have {len(table)} of {rows} rows: delete them, and run again."
@@ -127,10 +126,14 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
     schema = _read_schema(path)
     texts = [field.name for field in schema if pa.types.is_string(field.type)]
     with name_errors(path, "table of trials", REMEDY):
-        options = {"page_checksum_verification": True, "use_threads": False}
-        return parquet.read_table(
-            path, columns=columns, read_dictionary=texts, **options
-        ).to_pandas(use_threads=False)
+        table = parquet.read_table(
+            path,
+            columns=columns,
+            read_dictionary=texts,
+            page_checksum_verification=True,
+            use_threads=False,
+        )
+        return table.to_pandas(use_threads=False)
 
 
 def read_results(path: PathLike) -> pd.DataFrame:
@@ -139,12 +142,12 @@ def read_results(path: PathLike) -> pd.DataFrame:
     ranks = [pd.factorize(table[name])[0] for name in ("method", "point")]
     table = table.iloc[np.lexsort((table["trial"], *ranks))].reset_index(drop=True)
     table = table.astype(dict.fromkeys(table.select_dtypes("category").columns, object))
-    return table.drop(
-        columns=[name for name in table if name.startswith("vaf_") and name.endswith(ENDS)]
-    )
+    ends = [name for name in table if name.startswith("vaf_") and name.endswith(ENDS)]
+    return table.drop(columns=ends)
 
 
 def _read_schema(path: PathLike) -> pa.Schema:
+    """Columns of a table with their types."""
     check_readable(path)
     with name_errors(path, "table of trials", REMEDY):
         return parquet.read_schema(path)
@@ -154,36 +157,34 @@ def _order_columns(names: Collection[str]) -> list[str]:
     """Keys, scores, parameters and diagnostics, faults."""
     varied = [name for name in names if name.startswith(POINT)]
     first = ["study", "point", *varied, "method", "trial"]
+    ranks = {name: rank for rank, name in enumerate(QUANTITIES)}
 
     def place(name: str) -> tuple[bool, int, str]:
-        base = name.removesuffix("_low").removesuffix("_high")
-        return (
-            not name.startswith("vaf_"),
-            ORDER.get(base, len(ORDER)),
-            name.replace("_low", "_ends"),
-        )
+        quantity = name.removesuffix("_low").removesuffix("_high")
+        rank = ranks.get(quantity, len(ranks))
+        return not name.startswith("vaf_"), rank, name.replace("_low", "_ends")
 
-    return [*first, *sorted(set(names) - {*first, *LAST}, key=place), *LAST]
+    numbers = sorted(set(names) - {*first, *FAULT_COLUMNS}, key=place)
+    return [*first, *numbers, *FAULT_COLUMNS]
 
 
 def default_quantities(columns: Collection[str]) -> list[str]:
     """Quantities that are shown where the configuration names none: against the true torques where there are any."""
-    scores = [[f"vaf_{torque}_{against}" for against in ("true", "measured")] for torque in TORQUES]
-    first = [next((name for name in names if name in columns), "") for names in scores]
-    return [name for name in first if name] + [
-        f"{name}_error" for name in ("K", "G") if name in columns
-    ]
+    names = []
+    for torque in TORQUES:
+        scores = [f"vaf_{torque}_{against}" for against in ("true", "measured")]
+        names += [name for name in scores if name in columns][:1]
+    return names + [f"{name}_error" for name in ("K", "G") if name in columns]
 
 
-def label_parameter(name: str, labels: Mapping[str, str]) -> str:
+def label_parameter(name: str, labels: Labels) -> str:
     """Name and unit of a varied setting of the simulation, or option of a method."""
     if name in SimulationSettings.model_fields:
-        words, unit = label_setting(name)
-    else:
-        method, _, field = name.rpartition(".")
-        words = field.replace("_", " ") + (f" of {labels.get(method, method)}" if method else "")
-        options = [
-            entry.options for entry in METHODS.values() if field in entry.options.model_fields
-        ]
-        unit = options[0].unit(field) if options else "1"
+        return label_axis(name)
+    method, _, field = name.rpartition(".")
+    words = field.replace("_", " ")
+    if method:
+        words += f" of {labels.get(method, method)}"
+    options = [entry.options for entry in METHODS.values() if field in entry.options.model_fields]
+    unit = options[0].unit(field) if options else "1"
     return f"{words} [{unit}]"
