@@ -8,6 +8,7 @@ recordings are those of ANKLELOOP_RECORDINGS.
 import argparse
 import io
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -35,17 +36,18 @@ OPTIONS["riv"] = OPTIONS["riv-tv"] = {"reference": "position", "weighting": "fla
 
 def estimate_errors(table, column):
     """Standard error of each number of a column: of its interval, of its mean or deviation, or of all its trials."""
+    errors = pd.Series(np.nan, table.index)
     if f"{column}_high" in table:
-        return (table[f"{column}_high"] - table[f"{column}_low"]) / 3.92
+        errors = (table[f"{column}_high"] - table[f"{column}_low"]) / 3.92
     if "trial" in table and column not in KEYS:
-        return table.groupby(["point", "method"])[column].transform("std")
-    name = column.removesuffix("_mean").removesuffix("_std")
+        return errors.fillna(table.groupby(["point", "method"])[column].transform("std"))
+    name = re.sub("_(mean|std|bias)$", "", column)
     if name != column and f"{name}_std" in table:
         deviation, count = table[f"{name}_std"], table[f"{name}_count"]
     elif column in ("mean", "bias", "rmse", "sd") and "sd" in table:
         deviation, count = table["sd"], table["n"]
     else:
-        return pd.Series(0.0, table.index)
+        return errors
     return deviation / np.sqrt(2 * (count - 1) if column.endswith(("_std", "sd")) else count)
 
 
