@@ -90,9 +90,8 @@ def test_table_and_figure_of_the_paper(reproduction):
 def test_scores_are_means_of_trials(reproduction):
     table = pd.read_csv(reproduction / "results/tables/table1.csv").query("gain == 13")
     table = table.set_index(["method", "torque", "against"])
-    trials = read_results(reproduction / "results/tables/table1-trials.parquet").query(
-        "reflex_gain == 13"
-    )
+    trials = read_results(reproduction / "results/tables/table1-trials.parquet")
+    trials = trials[trials["point.reflex_gain"] == 13.0]
     for (method, torque, against), row in table.iterrows():
         values = trials.loc[trials["method"] == method, f"vaf_{torque}_{against}"]
         assert row["mean"] == pytest.approx(values.mean(), abs=1e-9)

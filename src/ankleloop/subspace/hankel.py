@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
-from ankleloop.kernels import kernel
+from ankleloop.kernels import as_samples, kernel
 from ankleloop.options import check_integer
 
 COLUMNS_AT_ONCE = 2048
+PRODUCTS_OF_A_SUM = 256  # sums of sums round less than one long sum
 
 
 def block_hankel(x: ArrayLike, first: int, rows: int, columns: int) -> np.ndarray:
@@ -92,15 +93,47 @@ def hankel_gram(x: np.ndarray, window: int, *, subtract_means: bool = True) -> n
     means = np.zeros(window * x.shape[1])
     if columns < 1:
         return np.outer(means, means)
-    signals = np.ascontiguousarray(x.T)
-    first = signals[:, :columns]
-    products = [first @ signals[:, lag : lag + columns].T for lag in range(window)]
+    products = _sum_lagged_products(as_samples(x), columns, window)
     head = x[: window - 1]
     tail = x[columns:]
     if subtract_means:
-        sums = np.vstack([first.sum(axis=1), tail - head])
-        means = np.cumsum(sums, axis=0).ravel() / np.sqrt(columns)
-    return _displace_products(np.hstack(products), head.ravel(), tail.ravel(), means)
+        sums = np.einsum("tc->c", x[:columns])
+        later_sums = sums + np.cumsum(tail - head, axis=0)
+        means = np.concatenate([sums, later_sums.ravel()]) * (1.0 / np.sqrt(columns))
+    return _displace_products(products, head.ravel(), tail.ravel(), means)
+
+
+# Contraction lets the compiler use fused multiply-adds; sums are not reordered.
+@kernel(fastmath={"contract"})
+def _sum_lagged_products(x, columns, window):
+    """Products with the first block row: sums over t of x(t) times x(t) … x(t + window - 1).
+
+    Samples follow each other in memory, so those of all lags are one row of numbers.
+    """
+    channels = x.shape[1]
+    flat = x.ravel()
+    sums = np.zeros((channels, window * channels))
+    for start in range(0, columns, PRODUCTS_OF_A_SUM):
+        stop = min(start + PRODUCTS_OF_A_SUM, columns)
+        whole = stop - (stop - start) % 4
+        part = np.zeros_like(sums)
+        # Four columns at a time, because sums are then loaded and stored a fourth as often.
+        for t in range(start, whole, 4):
+            first = flat[t * channels :]
+            second = first[channels:]
+            third = second[channels:]
+            fourth = third[channels:]
+            for i in range(channels):
+                a, b, c, d = first[i], second[i], third[i], fourth[i]
+                for k in range(window * channels):
+                    part[i, k] += a * first[k] + b * second[k] + c * third[k] + d * fourth[k]
+        for t in range(whole, stop):
+            row = flat[t * channels :]
+            for i in range(channels):
+                for k in range(window * channels):
+                    part[i, k] += row[i] * row[k]
+        sums += part
+    return sums
 
 
 @kernel()
