@@ -75,7 +75,7 @@ class Bootstrap:
                 f"{len(self.samples)}: repeat more often, or take a lower level."
             )
         quantiles = self.samples.quantile([0.5 * (1.0 - level), 0.5 * (1.0 + level)])
-        return {str(name): (float(low), float(high)) for name, (low, high) in quantiles.items()}
+        return {str(name): tuple(values) for name, values in quantiles.items()}
 
     def standard_errors(self) -> dict[str, float]:
         """Standard deviation of every column of `samples`.
@@ -84,7 +84,7 @@ class Bootstrap:
         -------
         dict of str to float
         """
-        return {str(name): float(error) for name, error in self.samples.std().items()}
+        return self.samples.std().to_dict()
 
 
 def block_bootstrap(

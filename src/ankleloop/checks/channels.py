@@ -55,6 +55,8 @@ def check_clipping(trial: PreparedTrial, name: str) -> Finding:
 def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
     """Samples at an end of the range and the first one of their longest run, where the channel is clipped; or zeros."""
     at_end = np.flatnonzero(x == end)
+    if at_end.size < CLIPPED_RUN:
+        return 0, 0
     starts, lengths = _find_runs(at_end)
     longest = np.argmax(lengths)
     if lengths[longest] < CLIPPED_RUN:
@@ -102,6 +104,8 @@ def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
     starts, lengths = _find_runs(np.flatnonzero(x[1:] == x[:-1]))
     runs = np.stack([starts, starts + lengths + 1], axis=1)
     rests = runs[lengths >= SHORTEST_REST * trial.rate - 1]
+    if not rests.size:
+        return rests
     witness = "reference" if "reference" in trial.trial else "torque"
     if name == "torque":
         witness = "position"

@@ -48,6 +48,8 @@ def find_reference_faults(
     except DataError:  # of a very short trial the method says so itself
         return []
     exchange = check_exchange(trial, name, grid)
+    if reference is None and exchange.verdict == "ok":
+        return []
     filtered = check_filtered_torque(trial, name, grid)  # it can look early as well
     if filtered.verdict != "ok":
         return [] if reference is None else [filtered]

@@ -335,20 +335,13 @@ def _find_ranges(
         for factors in RANGE_FACTORS:
             for factor in factors:
                 value = factor * nominal
-                if not _is_better(experiment.change(**{setting: value}), commands, prbs):
+                changed = experiment.change(**{setting: value})
+                try:
+                    ratios = _ratios(changed.variances(commands), changed.variances(prbs))
+                except UnstableLoopError:
+                    break
+                if max(ratios.values()) > 1.0:
                     break
                 better.append(value)
         ranges[name] = min(better), max(better)
     return ranges
-
-
-def _is_better(
-    experiment: Experiment, commands: Sequence[np.ndarray], prbs: Sequence[np.ndarray]
-) -> bool:
-    """Whether commands tell more of a joint than the PRBS; not if it is unstable."""
-    try:
-        variances = experiment.variances(commands)
-        ratios = _ratios(variances, experiment.variances(prbs))
-    except UnstableLoopError:
-        return False
-    return max(ratios.values()) <= 1.0

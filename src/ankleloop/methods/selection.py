@@ -131,7 +131,9 @@ def select_options(
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             row["error"] = str(error)
         else:
-            row["scores"] = {name: _explained_share(part) for name, part in by_criterion.items()}
+            for name, part in by_criterion.items():
+                residual, torque = part.sum(axis=1)
+                row["scores"][name] = float(100.0 * (1.0 - residual / torque))  # explained [%]
             row["warnings"] = warnings
             losses[number] = by_criterion[criterion][0]
     if not losses:
@@ -144,12 +146,6 @@ def select_options(
     first = next(k for k, loss in comparable.items() if _is_as_good(loss, best))
     chosen = {name: rows[first][name] for name in candidates}
     return {"criterion": criterion, "candidates": rows, "chosen": chosen}
-
-
-def _explained_share(losses: np.ndarray) -> float:
-    """Share of the torque that is explained [%]."""
-    residual, torque = losses.sum(axis=1)
-    return float(100.0 * (1.0 - residual / torque))
 
 
 def _is_as_good(loss: np.ndarray, best: np.ndarray) -> bool:

@@ -124,9 +124,13 @@ def _sum_lagged_products(x, columns, window):
             third = second[channels:]
             fourth = third[channels:]
             for i in range(channels):
-                a, b, c, d = first[i], second[i], third[i], fourth[i]
                 for k in range(window * channels):
-                    part[i, k] += a * first[k] + b * second[k] + c * third[k] + d * fourth[k]
+                    part[i, k] += (
+                        first[i] * first[k]
+                        + second[i] * second[k]
+                        + third[i] * third[k]
+                        + fourth[i] * fourth[k]
+                    )
         for t in range(whole, stop):
             row = flat[t * channels :]
             for i in range(channels):

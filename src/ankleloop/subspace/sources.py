@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -217,7 +216,12 @@ class Records:
     def _scale(self, records: list[np.ndarray], options: SubspaceOptions) -> None:
         """Subtract the means of each record and divide by the scale of all; refuse what is not usable."""
         for number, record in enumerate(records):
-            self._refuse_not_finite(record, number)
+            finite = np.isfinite(record)
+            if not finite.all():
+                sample, channel = np.argwhere(~finite)[0]
+                place = f" of record {number}" if len(records) > 1 else ""
+                fault = f"{self._name_channel(channel)} is not finite at sample {sample}{place}"
+                raise DataError(f"{fault}: cut or repair the record.")
         means = np.array([record.mean(axis=0) for record in records])
         deviations = [record - mean for record, mean in zip(records, means, strict=True)]
         squares = [np.einsum("tc,tc->c", record, record) for record in deviations]
@@ -233,19 +237,12 @@ class Records:
 
     def _name_channel(self, channel: int) -> str:
         """Signal of a channel, and its number there."""
-        names = []
-        for signal, size in zip(SIGNALS, self.sizes, strict=True):
-            names += [f"{signal} {number}" for number in range(size)]
+        names = [
+            f"{signal} {number}"
+            for signal, size in zip(SIGNALS, self.sizes, strict=True)
+            for number in range(size)
+        ]
         return names[channel]
-
-    def _refuse_not_finite(self, record: np.ndarray, number: int) -> None:
-        """Refuse numbers that are not finite."""
-        finite = np.isfinite(record)
-        if not finite.all():
-            sample, channel = np.argwhere(~finite)[0]
-            place = f" of record {number}" if len(self.lengths) > 1 else ""
-            fault = f"{self._name_channel(channel)} is not finite at sample {sample}{place}"
-            raise DataError(f"{fault}: cut or repair the record.")
 
     def _predict_inputs(self, references: list[np.ndarray], predicted: Any) -> list[np.ndarray]:
         """Noise-free predictions of the inputs in their scale."""
@@ -270,7 +267,7 @@ class Records:
         grams = [
             hankel_gram(record, rows.window, subtract_means=self.offsets) for record in self.scaled
         ]
-        return reduce(np.add, grams)[rows.indices][:, rows.indices]
+        return np.sum(grams, axis=0)[rows.indices][:, rows.indices]
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
         """Triangular factor of the same rows."""

@@ -141,7 +141,9 @@ def read_channels(
     parts = selected["position"].name.split(contents.separator)
     # The nearest first; the last one is the file.
     owners = [contents.separator.join(parts[:depth]) for depth in range(len(parts), -1, -1)]
-    time = _find_time(contents, owners)
+    times = (contents.find(contents.join(owner, name)) for owner in owners for name in TIME_NAMES)
+    # A single number is no time.
+    time = next((part for part in times if part is not None and math.prod(part.shape) != 1), None)
     if time is not None and time.name not in {variable.name for variable in selected.values()}:
         selected[TIME] = time
     for role, variable in selected.items():
@@ -150,16 +152,6 @@ def read_channels(
     if rates:
         numbers = np.array([*rates.values()])
         yield RATE, Variable(" and ".join(rates), numbers.shape, numbers.copy), numbers
-
-
-def _find_time(contents: Contents, owners: Sequence[str]) -> Variable | None:
-    """The times that are nearest to the position; a single number is none."""
-    for owner in owners:
-        for name in TIME_NAMES:
-            variable = contents.find(contents.join(owner, name))
-            if variable is not None and math.prod(variable.shape) != 1:
-                return variable
-    return None
 
 
 def _find_rates(
