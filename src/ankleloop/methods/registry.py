@@ -70,7 +70,7 @@ def _describe_no_default() -> str:
     return (
         "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
         "reference, or, if nothing was compliant while it was recorded (open loop), name a method: "
-        f"{' or '.join(by_position)} with reference='position', {', '.join(others[:-1])} or {others[-1]}."
+        f"{' or '.join(by_position)} with reference='position', or one of {', '.join(others)}."
     )
 
 

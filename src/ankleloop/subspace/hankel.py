@@ -74,7 +74,9 @@ def generate_columns(x: np.ndarray, window: int) -> Iterator[np.ndarray]:
         yield block_hankel(x, start, window, min(COLUMNS_AT_ONCE, count - start))
 
 
-def hankel_gram(x: np.ndarray, window: int, *, subtract_means: bool = True) -> np.ndarray:
+def hankel_gram(
+    x: np.ndarray, window: int, lags: np.ndarray | None = None, *, subtract_means: bool = True
+) -> np.ndarray:
     r"""Gram matrix H Hᵀ of the Hankel matrix of a record, each row less its mean.
 
     Rows of a Hankel matrix are shifts of one signal. So the products of each pair of block rows follow from those of
@@ -85,15 +87,17 @@ def hankel_gram(x: np.ndarray, window: int, *, subtract_means: bool = True) -> n
     and only the products with the first block row take sums over the record (Mastronardi, Kressner, Sima, Van Dooren
     and Van Huffel, "A fast algorithm for subspace state-space system identification via exploitation of the
     displacement structure", J. Comput. Appl. Math. 132, 71-81, 2001). A record without a single column has products of
-    zero.
+    zero. `lags` says for each channel up to how many block rows later its products are needed; the rest is no product.
 
-    Shapes: x (N, m); returns (window * m, window * m).
+    Shapes: x (N, m), lags (m,); returns (window * m, window * m).
     """
     columns = len(x) - window + 1
     means = np.zeros(window * x.shape[1])
     if columns < 1:
         return np.outer(means, means)
-    products = _sum_lagged_products(as_samples(x), columns, window)
+    if lags is None:
+        lags = np.full(x.shape[1], window)
+    products = _sum_lagged_products(as_samples(x), columns, lags, window)
     head = x[: window - 1]
     tail = x[columns:]
     if subtract_means:
@@ -105,8 +109,8 @@ def hankel_gram(x: np.ndarray, window: int, *, subtract_means: bool = True) -> n
 
 # Contraction lets the compiler use fused multiply-adds; sums are not reordered.
 @kernel(fastmath={"contract"})
-def _sum_lagged_products(x, columns, window):
-    """Products with the first block row: sums over t of x(t) times x(t) … x(t + window - 1).
+def _sum_lagged_products(x, columns, lags, window):
+    """Products with the first block row: sums over t of x(t) times x(t) … x(t + lags - 1).
 
     Samples follow each other in memory, so those of all lags are one row of numbers.
     """
@@ -124,7 +128,7 @@ def _sum_lagged_products(x, columns, window):
             third = second[channels:]
             fourth = third[channels:]
             for i in range(channels):
-                for k in range(window * channels):
+                for k in range(lags[i] * channels):
                     part[i, k] += (
                         first[i] * first[k]
                         + second[i] * second[k]
@@ -134,7 +138,7 @@ def _sum_lagged_products(x, columns, window):
         for t in range(whole, stop):
             row = flat[t * channels :]
             for i in range(channels):
-                for k in range(window * channels):
+                for k in range(lags[i] * channels):
                     part[i, k] += row[i] * row[k]
         sums += part
     return sums

@@ -235,8 +235,27 @@ def moesp(
         "projection": all_options.projection,
         "warnings": _list_warnings(realisation, fit, all_options.stable),
     }
-    return _make_estimate(
-        records, realisation, fit, all_options, outcome.singular_values, diagnostics
+    # In the units of the data; of a single record its vectors instead of one for each record.
+    outputs = slice(m, m + p)
+    input_scale = records.scale[:m]
+    output_scale = records.scale[outputs]
+    matrices = Matrices(
+        A=realisation.A,
+        B=fit.B / input_scale,
+        C=output_scale[:, None] * realisation.C,
+        D=output_scale[:, None] * fit.D / input_scale,
+        dt=all_options.dt,
+        names=all_options.names,
+    )
+    chosen = slice(None) if len(records.lengths) > 1 else 0
+    offsets = records.means[:, outputs] + output_scale * fit.offsets
+    return SubspaceEstimate(
+        matrices=matrices,
+        singular_values=outcome.singular_values,
+        initial_state=fit.initial_state[chosen],
+        input_means=records.means[chosen, :m],
+        offsets=offsets[chosen],
+        diagnostics=diagnostics,
     )
 
 
@@ -284,36 +303,3 @@ def _list_warnings(realisation: Realisation, fit: InputMatrices, stable: bool) -
     if not fit.determined:
         warnings.append(UNDETERMINED.format(rank=fit.rank, unknowns=fit.unknowns))
     return warnings
-
-
-def _make_estimate(
-    records: Records,
-    realisation: Realisation,
-    fit: InputMatrices,
-    options: SubspaceOptions,
-    singular_values: np.ndarray,
-    diagnostics: dict[str, Any],
-) -> SubspaceEstimate:
-    """The estimate in the units of the data; of a single record its vectors instead of one for each record."""
-    m, p, _ = records.sizes
-    outputs = slice(m, m + p)
-    input_scale = records.scale[:m]
-    output_scale = records.scale[outputs]
-    matrices = Matrices(
-        A=realisation.A,
-        B=fit.B / input_scale,
-        C=output_scale[:, None] * realisation.C,
-        D=output_scale[:, None] * fit.D / input_scale,
-        dt=options.dt,
-        names=options.names,
-    )
-    chosen = slice(None) if len(records.lengths) > 1 else 0
-    offsets = records.means[:, outputs] + output_scale * fit.offsets
-    return SubspaceEstimate(
-        matrices=matrices,
-        singular_values=singular_values,
-        initial_state=fit.initial_state[chosen],
-        input_means=records.means[chosen, :m],
-        offsets=offsets[chosen],
-        diagnostics=diagnostics,
-    )

@@ -111,6 +111,7 @@ class HankelRows(NamedTuple):
     indices: np.ndarray  # of the rows in the Hankel matrix of all channels over the window
     sizes: tuple[int, int]  # rows of U and of Z
     window: int  # samples that one column reaches over
+    lags: np.ndarray  # block rows that each channel reaches over
 
 
 def select_rows(
@@ -127,7 +128,8 @@ def select_rows(
         raise DataError(
             "past-reference instruments need a reference: pass the external command of the loop."
         )
-    instruments = np.flatnonzero(np.repeat([name in signals for name in SIGNALS], sizes))
+    are_instruments = np.repeat([name in signals for name in SIGNALS], sizes)
+    instruments = np.flatnonzero(are_instruments)
     past = options.instrument_rows or options.block_rows
     if not instruments.size:
         past = 0
@@ -145,6 +147,8 @@ def select_rows(
         indices=np.concatenate([input_rows, instrument_rows, output_rows], axis=None),
         sizes=(input_rows.size, instrument_rows.size),
         window=window,
+        # Instruments reach into the past, all other channels into the future alone.
+        lags=np.where(are_instruments, window, options.block_rows),
     )
 
 
@@ -265,7 +269,8 @@ class Records:
     def compute_gram(self, rows: HankelRows) -> np.ndarray:
         """Inner products of the Hankel rows, each less its mean over each record unless offsets are zero."""
         grams = [
-            hankel_gram(record, rows.window, subtract_means=self.offsets) for record in self.scaled
+            hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
+            for record in self.scaled
         ]
         return np.sum(grams, axis=0)[rows.indices][:, rows.indices]
 
