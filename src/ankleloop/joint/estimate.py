@@ -15,7 +15,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.models import Model
 from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import MEASURED
+from ankleloop.joint.regressors import MEASURED, torque_variable
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.vaf import vaf
 from ankleloop.subspace.matrices import Matrices
@@ -270,6 +270,5 @@ def with_measured(estimate: Estimate, trial: PreparedTrial) -> Estimate:
     rate = torque.attrs["identification_rate"]
     time = torque["time"].values
     values = trial.channel_at("torque", time, rate)
-    attributes = {"units": "N·m", "long_name": "measured torque"}
-    measured = ("time", values - values.mean(), attributes)
+    measured = torque_variable(MEASURED, values - values.mean())
     return replace(estimate, torque=torque.assign({MEASURED: measured}))

@@ -102,10 +102,13 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
     >>> torque["net"].attrs["units"], torque.attrs["identification_rate"]
     ('N·m', 100.0)
     """
-    variables = {}
-    for name, values in torques.items():
-        origin = "" if name == MEASURED else "estimated "
-        attributes = {"units": "N·m", "long_name": f"{origin}{name} torque"}
-        variables[name] = ("time", values, attributes)
+    variables = {name: torque_variable(name, values) for name, values in torques.items()}
     coordinate = ("time", time, {"units": "s", "long_name": "time"})
     return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": rate})
+
+
+def torque_variable(name: str, values: np.ndarray) -> xr.Variable:
+    """A torque over time with its unit and name."""
+    origin = "" if name == MEASURED else "estimated "
+    attributes = {"units": "N·m", "long_name": f"{origin}{name} torque"}
+    return xr.Variable("time", values, attributes)

@@ -122,8 +122,9 @@ def curve_means(
     `columns` are the quantities by panel, `by` further columns that make groups.
     """
     keys = [*by, "series", "x"]
-    parts = [means(table, keys, [column]).assign(panel=panel) for panel, column in columns.items()]
-    rows = pd.concat(parts, ignore_index=True)
+    panels = pd.DataFrame({"panel": list(columns), "quantity": list(columns.values())})
+    quantities = list(dict.fromkeys(columns.values()))
+    rows = panels.merge(means(table, keys, quantities), on="quantity")
     order = {name: number for number, name in enumerate(dict.fromkeys(table["series"]))}
     shown = rows[[*by, "panel", "series", "x"]].copy()
     shown["value"] = rows["mean"]
