@@ -151,25 +151,23 @@ def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
     table = pd.concat(tables, ignore_index=True)
     write_csv(table, folder / TABLE, overwrite=True)
     recommended = table[table["recommended"].eq(True)]
-    path = folder / TABLE
     if not recommended.empty:
         cells = _format_parameters(recommended)
         cells.insert(0, "loop", recommended["loop"])
         cells.insert(1, "recommended", recommended["label"])
         echo(f"\n{cells.set_index(recommended['recording']).rename_axis(None).to_string()}")
-        figure = recordings_figure(
-            recommended, [name for name in COLUMNS if recommended[name].notna().any()]
-        )
-        save_figure(figure, folder / FIGURE, overwrite=True)
-        path = folder / f"{FIGURE}.png"
     without = set(table["recording"]) - set(recommended["recording"])
     if without:
         echo(f"\nno recommendation: {', '.join(sorted(without))}")
     echo(f"\npages                {folder}/NAME.html")
     echo(f"all methods          {folder / TABLE}")
-    if path.suffix == ".png":
-        echo(f"recommended methods  {path}")
-    return path
+    if recommended.empty:
+        return folder / TABLE
+    names = [name for name in COLUMNS if recommended[name].notna().any()]
+    save_figure(recordings_figure(recommended, names), folder / FIGURE, overwrite=True)
+    picture = folder / f"{FIGURE}.png"
+    echo(f"recommended methods  {picture}")
+    return picture
 
 
 def _style_verdict(row: pd.Series) -> str:

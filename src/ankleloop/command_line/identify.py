@@ -101,12 +101,13 @@ def identify(
             recording = Recording(file=path.name)
         studies.append(analysis.make_study(name, path, recording, methods, fields))
     tables = []
+    several = len(files) > 1
     for number, (study, path) in enumerate(zip(studies, recordings.values(), strict=True), 1):
-        if len(files) > 1:
+        if several:
             echo(f"file {number} of {len(files)}: {path}", err=True)
         with show_progress():
             table = analysis.identify_recording(study, folder)
-        if len(files) > 1:
+        if several:
             analysis.show_verdict(table)
         else:
             analysis.show_results(table, folder)
@@ -115,9 +116,7 @@ def identify(
         texts = table.filter(["reasons", "warnings"]).to_numpy().ravel()
         show_correction(" ".join(map(str, texts)), words)
         tables.append(table)
-    page = (
-        analysis.write_summary(tables, folder) if len(files) > 1 else folder / f"{study.name}.html"
-    )
+    page = analysis.write_summary(tables, folder) if several else folder / f"{study.name}.html"
     show_next(f"open {page}")
     return int(not all(table["valid"].any() for table in tables))
 

@@ -30,12 +30,12 @@ COLUMN_TYPES = {
     "text": pa.string(),
 }
 
-Points = Mapping[str, Mapping[str, Any]]
+Mappings = Mapping[str, Mapping[str, Any]]  # by the names of conditions, or the keys of methods
 Row = dict[str, Any]
 Result = tuple[Estimate | None, Row]  # no estimate where the identification failed
 
 
-def read_trials(path: PathLike, conditions: Points) -> Trials:
+def read_trials(path: PathLike, conditions: Mappings) -> Trials:
     """Trials of a file, those of each condition from `first` to `stop` without it."""
     rows = [
         (condition, number)
@@ -49,8 +49,8 @@ def identify_trials(
     trials: Trials,
     files: Mapping[str, PathLike],
     study: str,
-    conditions: Points,
-    methods: Points,
+    conditions: Mappings,
+    methods: Mappings,
     kinds: Mapping[str, str],
     *,
     settings: str = "",

@@ -64,8 +64,11 @@ def load_registered() -> tuple[dict[str, Method], list[str]]:
 
 def _describe_no_default() -> str:
     """Why there is no default without a reference, and which methods there are if the loop is open."""
-    methods = METHODS.values()
-    by_position = [repr(m.name) for m in methods if m.validity.without_reference == POSITION]
+    by_position = [
+        repr(name)
+        for name, method in METHODS.items()
+        if method.validity.without_reference == POSITION
+    ]
     others = [name for name in map(repr, METHODS) if name not in by_position]
     return (
         "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
