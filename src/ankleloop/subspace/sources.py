@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -272,7 +273,7 @@ class Records:
             hankel_gram(record, rows.window, rows.lags, subtract_means=self.offsets)
             for record in self.scaled
         ]
-        return np.sum(grams, axis=0)[rows.indices][:, rows.indices]
+        return reduce(np.add, grams)[rows.indices][:, rows.indices]
 
     def factor_rows(self, rows: HankelRows) -> np.ndarray:
         """Triangular factor of the same rows."""
