@@ -101,11 +101,13 @@ def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
     Shapes: returns (rests, 2).
     """
     x = trial.samples[name]
-    starts, lengths = _find_runs(np.flatnonzero(x[1:] == x[:-1]))
+    shortest = SHORTEST_REST * trial.rate - 1
+    repeats = np.flatnonzero(x[1:] == x[:-1])
+    if repeats.size < shortest:
+        return repeats[:0]
+    starts, lengths = _find_runs(repeats)
     runs = np.stack([starts, starts + lengths + 1], axis=1)
-    rests = runs[lengths >= SHORTEST_REST * trial.rate - 1]
-    if not rests.size:
-        return rests
+    rests = runs[lengths >= shortest]
     witness = "reference" if "reference" in trial.trial else "torque"
     if name == "torque":
         witness = "position"

@@ -24,7 +24,7 @@ from ankleloop.trials.trial import REQUIRED
 
 # rad and N·m: squares of anything beyond leave the range of numbers.
 SMALLEST_DEVIATION, LARGEST_DEVIATION = 1e-12, 1e12
-BAND_SHARE = 1e-3  # of the recorded deviation that decimation has to leave
+BAND_SHARE = 3e-4  # of the recorded range: decimation has to leave so large a deviation
 LARGEST_POSITION = 1.0  # rad, standard deviation: no joint can move so far
 # N·m/rad, torque over position: from a finger to a leg that stands.
 SMALLEST_RATIO, LARGEST_RATIO = 0.1, 1e5
@@ -125,7 +125,7 @@ def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
                 f"{LARGEST_DEVIATION:g} {unit} can be computed with: check its unit."
             )
             return Finding("scale", "refused", text)
-        if deviation < BAND_SHARE * np.std(trial.samples[name]):
+        if deviation < BAND_SHARE * np.ptp(trial.samples[name]):
             highest = PASSBAND * trial.rate / motion.grid.factor
             text = f"the {name} has nothing below {highest:.3g} Hz, the band of the identification: raise its rate."
             return Finding("scale", "refused", text)

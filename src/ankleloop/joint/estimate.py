@@ -143,7 +143,7 @@ class Estimate:
                 f"{self.method} has no fixed model to predict with: identify by another method."
             )
         prepared = prepare(trial)
-        torque = self.predictor.predict(prepared, cycle_onsets)
+        torque = add_measured(self.predictor.predict(prepared, cycle_onsets), prepared)
         range_warnings = self.predictor.check_range(prepared)
         diagnostics = dict(self.diagnostics)
         # What an earlier prediction, of which this one is made, says about its trial.
@@ -152,7 +152,7 @@ class Estimate:
         diagnostics["warnings"] = [*of_fit, *range_warnings]
         if range_warnings:
             diagnostics["range_warnings"] = range_warnings
-        return with_measured(replace(self, torque=torque, diagnostics=diagnostics), prepared)
+        return replace(self, torque=torque, diagnostics=diagnostics)
 
     @property
     def vaf_net(self) -> float | None:
@@ -264,11 +264,7 @@ class Estimate:
         return lines
 
 
-def with_measured(estimate: Estimate, trial: PreparedTrial) -> Estimate:
-    """The estimate with the measured torque of a trial, less its mean, beside its own, at their times."""
-    torque = estimate.torque
-    rate = torque.attrs["identification_rate"]
-    time = torque["time"].values
-    values = trial.channel_at("torque", time, rate)
-    measured = torque_variable(MEASURED, values - values.mean())
-    return replace(estimate, torque=torque.assign({MEASURED: measured}))
+def add_measured(torque: xr.Dataset, trial: PreparedTrial) -> xr.Dataset:
+    """Estimated torques and, at their times, the measured torque of a trial less its mean."""
+    values = trial.channel_at("torque", torque["time"].values, torque.attrs["identification_rate"])
+    return torque.assign({MEASURED: torque_variable(MEASURED, values - values.mean())})

@@ -13,7 +13,7 @@ from pydantic import model_validator
 from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES
-from ankleloop.joint.estimate import Estimate, with_measured
+from ankleloop.joint.estimate import Estimate, add_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
@@ -201,9 +201,13 @@ class Method:
         faults = _list_faults(estimate)
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
         if data_warnings:
-            diagnostics["data_warnings"] = list(data_warnings)
-        named = replace(estimate, method=self.name, diagnostics=diagnostics)
-        return with_measured(named, trial)
+            diagnostics["data_warnings"] = data_warnings
+        return replace(
+            estimate,
+            method=self.name,
+            torque=add_measured(estimate.torque, trial),
+            diagnostics=diagnostics,
+        )
 
 
 def _list_assumptions(options: Any, reference: str | None) -> list[str]:

@@ -227,7 +227,7 @@ class Records:
                 place = f" of record {number}" if len(records) > 1 else ""
                 fault = f"{self._name_channel(channel)} is not finite at sample {sample}{place}"
                 raise DataError(f"{fault}: cut or repair the record.")
-        means = np.array([record.mean(axis=0) for record in records])
+        means = np.array([np.einsum("tc->c", record) / len(record) for record in records])
         deviations = [record - mean for record, mean in zip(records, means, strict=True)]
         squares = [np.einsum("tc,tc->c", record, record) for record in deviations]
         deviation = np.sqrt(np.sum(squares, axis=0) / sum(self.lengths))
