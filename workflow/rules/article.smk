@@ -4,7 +4,10 @@
 # The economy is that of the published methods, on the trials of Table 1.
 rule verify:
     input:
-        published=[*OF_PAPER, repository_file("data/findings.csv")],
+        published=[
+            *map(published_file, ("claims", "table1", "table2")),
+            repository_file("data/findings.csv"),
+        ],
         trials=[
             path
             for study in ARTICLE
@@ -38,10 +41,7 @@ rule verify:
             for name in ("pr-moesp", "eiv-moesp")
             if name in study.methods
         },
-        studies={
-            study.name: {"points": study.points, "labels": study.labels}
-            for study in ARTICLE
-        },
+        studies=[study.describe() for study in ARTICLE],
         library=library("workflow/scripts/verify.py"),
     script:
         "../scripts/verify.py"
@@ -80,12 +80,15 @@ rule article:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        parameters=lambda wildcards, input, output: article_parameters(
-            ARTICLE,
-            {
-                study.name: article_files(
-                    study, input.economy.removesuffix("results/tables/economy.csv")
-                )
+        parameters=lambda wildcards, input, output: dict(
+            title="Closed-loop identification of ankle dynamics: a replication",
+            studies={
+                study.name: {
+                    **study.describe(),
+                    **article_files(
+                        study, input.economy.removesuffix("results/tables/economy.csv")
+                    ),
+                }
                 for study in ARTICLE
             },
             verification=input.verification,

@@ -1,20 +1,17 @@
 # The configuration, the studies that it describes, and what several rules take of them.
 import os
 import sys
-from base64 import urlsafe_b64encode
+import tempfile
 
-from ankleloop.errors import DataError
-from ankleloop.tables.trial_tables import read_hash
 from ankleloop.config.checking import ConfigError
 from ankleloop.config.notebooks import list_figures, read_notebooks
 from ankleloop.jobs.fingerprint import fingerprint
 from ankleloop.config.run import (
-    article_parameters,
     describe_article,
     read_run,
     report_parameters,
 )
-from ankleloop.config.study import RecordedStudy, SimulatedStudy
+from ankleloop.config.study import RecordedStudy, SimulatedStudy, hash_settings
 from snakemake.logging import logger
 
 MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too
@@ -38,11 +35,7 @@ ARTICLE = [STUDIES[name] for name in CONFIG.article_names]
 DIAGRAMS = [
     f"{name}.{end}" for name in ("figure1", "figure2") for end in ("png", "pdf", "svg")
 ]
-KINDS = ["trials", "estimates", "scores"]
-# Files of the repository; `local` says that they are never in the storage of the results.
-PUBLISHED = [local(str(path)) for path in sorted(ROOT.glob("data/published/*.csv"))]
-# Numbers and claims of the paper that is replicated, which the ledger checks; other files hold numbers of other papers.
-OF_PAPER = [p for p in PUBLISHED if Path(p).stem in ("claims", "table1", "table2")]
+OF_DRY_RUN = tempfile.TemporaryDirectory()
 SIMULATED = {s.name: s for s in STUDIES.values() if isinstance(s, SimulatedStudy)}
 
 
@@ -86,8 +79,13 @@ def local_cores():
 
 
 def repository_file(path):
-    """A file of the repository, wherever the results are stored."""
+    """A file of the repository; `local` says that it is never in the storage of the results."""
     return local(str(ROOT / path))
+
+
+def published_file(name):
+    """A table of a paper."""
+    return repository_file(f"data/published/{name}.csv")
 
 
 def study_of(wildcards):
@@ -101,6 +99,11 @@ def title_of(wildcards):
 def notebook_of(wildcards):
     """Notebook that renders a study, as the list of notebooks describes it."""
     return NOTEBOOKS[study_of(wildcards).settings.notebook]
+
+
+def published_of(wildcards):
+    """Tables of papers that the notebook of a study reads."""
+    return list(map(published_file, notebook_of(wildcards).published))
 
 
 def notebook_file(wildcards):
@@ -131,6 +134,12 @@ def trial_file_of(wildcards):
         return []
     number = study.file_numbers[int(wildcards.chunk)]
     return f"results/trials/{study.name}/{number}.nc"
+
+
+def trials_in_file(wildcards):
+    """Trials of a trial file, as they are simulated."""
+    study = study_of(wildcards)
+    return study.simulation(study.trial_files[int(wildcards.chunk)])
 
 
 def table_file(study):
@@ -196,31 +205,19 @@ def targets():
     return [*paths, "results/article.html"] if ARTICLE else paths
 
 
-def check_results(study):
-    """Refuse tables of other settings of which Snakemake has no record, as after the loss of .snakemake: it would keep
-    them."""
-    tables = dict(zip(chunk_files("scores", study), study.hashes))
-    if isinstance(study, SimulatedStudy):
-        tables[table_file(study)] = study.hash
-    for path, expected in tables.items():
-        record = f".snakemake/metadata/{urlsafe_b64encode(path.encode()).decode()}"
-        if not os.path.exists(path) or os.path.exists(record):
-            continue
-        try:
-            is_right = read_hash(path) == expected
-        except DataError:  # it is damaged
-            is_right = False
-        if not is_right:
-            folders = [f"results/{kind}/{study.name}" for kind in KINDS]
-            sys.exit(
-                f"{path} was made with other settings, and the record of that in .snakemake is lost: delete "
-                f"{', '.join(folders)} and {table_file(study)}, and run again."
-            )
+def settings_file(study, job, *settings):
+    """A small file with the settings of a job, written where they have changed: an input, so that the job runs again.
 
-
-if workflow.is_main_process:
-    for study in RUN:
-        check_results(study)
+    A dry run leaves the file as it is, and writes the new one into a folder that goes when it ends.
+    """
+    path = Path("results", "settings", study.name, f"{job}.txt")
+    text = hash_settings(*settings)
+    if not path.exists() or path.read_text() != text:
+        if workflow.output_settings.dryrun:
+            path = Path(OF_DRY_RUN.name, path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return local(str(path))
 
 
 # Memory [MB] and time [min] of jobs, for schedulers: a new attempt asks for more. No job of usual trials takes half of it.

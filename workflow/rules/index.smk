@@ -66,20 +66,7 @@ rule index:
             *[f"table/{name}" for name in JOBS if name in SIMULATED],
             *[f"report/{study.name}" for study in RUN if study.settings.notebook],
         ],
-        studies=lambda wildcards, input: {
-            study.name: {
-                "title": study.title,
-                "kind": study.settings.kind,
-                "points": len(study.points),
-                "methods": len(study.methods),
-                "trials": getattr(study.settings, "trials", None),
-                "seed": getattr(study.settings, "seed", None),
-                "recordings": [
-                    path for path in input.tables if f"/{study.name}/" in path
-                ],
-            }
-            for study in RUN
-        },
+        studies=[study.describe() for study in RUN],
         library=library("workflow/scripts/index.py"),
     script:
         "../scripts/index.py"

@@ -5,6 +5,9 @@ rule recordings:
         files=lambda w: [
             local(path) for path in study_of(w).existing_paths(int(w.chunk))
         ],
+        settings=lambda w: settings_file(
+            study_of(w), f"scores/{w.chunk}", study_of(w).hashes[int(w.chunk)]
+        ),
     output:
         table="results/scores/{study}/{chunk}.parquet",
         folder=directory("results/recordings/{study}/{chunk}"),

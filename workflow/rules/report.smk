@@ -5,7 +5,8 @@ rule report:
         estimates=estimates_of,
         tables=tables_of,
         notebook=lambda wildcards: repository_file(notebook_file(wildcards)),
-        published=PUBLISHED,
+        published=published_of,
+        settings=lambda w: settings_file(study_of(w), "report", study_of(w).describe()),
     output:
         page=report(
             "results/reports/{study}.html",

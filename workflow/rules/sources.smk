@@ -28,3 +28,5 @@ if "{" in str(ROOT) or "}" in str(ROOT):
     sys.exit(
         f"{ROOT}: Snakemake takes braces in this path for wildcards: rename the folder, or move the project."
     )
+if ROOT.samefile("."):
+    ROOT = Path()  # so that a folder which is moved or copied makes nothing again

@@ -4,6 +4,10 @@
 # Simulated trials. A trial file holds those of some conditions of a study, or part of the trials of one: starting a job
 # costs as much as some fifty trials do.
 rule simulate:
+    input:
+        settings=lambda w: settings_file(
+            study_of(w), f"trials/{w.chunk}", trials_in_file(w)
+        ),
     output:
         trials="results/trials/{study}/{chunk}.nc",
     log:
@@ -21,9 +25,7 @@ rule simulate:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        arguments=lambda w: study_of(w).simulation(
-            study_of(w).trial_files[int(w.chunk)]
-        ),
+        arguments=trials_in_file,
         precision=lambda w: study_of(w).settings.precision,
         library=library("workflow/scripts/simulate.py"),
     script:
@@ -35,6 +37,9 @@ rule simulate:
 rule identify:
     input:
         trials=trial_file_of,
+        settings=lambda w: settings_file(
+            study_of(w), f"scores/{w.chunk}", study_of(w).hashes[int(w.chunk)]
+        ),
     output:
         estimates="results/estimates/{study}/{chunk}.parquet",
         scores="results/scores/{study}/{chunk}.parquet",
@@ -78,6 +83,7 @@ use rule identify as sweep with:
 rule table:
     input:
         chunks=lambda w: chunk_files("scores", study_of(w)),
+        settings=lambda w: settings_file(study_of(w), "table", study_of(w).hash),
     output:
         table="results/tables/{study}-trials.parquet",
     log:

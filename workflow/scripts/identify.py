@@ -16,7 +16,7 @@ with running(snakemake):
         trials = simulate_trials(study, precision=arguments["precision"], **simulation)
     else:
         trials = read_trials(snakemake.input.trials, arguments["conditions"])
-    with locate_errors(", ".join(snakemake.input)):
+    with locate_errors(str(snakemake.input.trials)):
         table = identify_trials(trials, dict(snakemake.output.items()), study, **arguments)
     outcomes = table.select(["point", "method", "trial", "failure"])
     message = describe_failures(outcomes.to_pandas())

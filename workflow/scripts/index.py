@@ -11,6 +11,7 @@ from ankleloop.jobs.results import (
     read_provenance,
     read_run_times,
     read_tables,
+    tabulate_recordings,
     write_crate,
 )
 from ankleloop.pages.index import render_index, render_ledger, render_tables
@@ -36,13 +37,14 @@ with running(snakemake):
     provenance = read_provenance(snakemake.params.repository)
     write_json(output.configuration, snakemake.params.configuration)
     write_json(output.provenance, provenance)
-    seeds = {name: study["seed"] for name, study in studies.items() if study["seed"] is not None}
+    seeds = {study["study"]: study["seed"] for study in studies if "seed" in study}
     write_crate(folder, snakemake.input.results, Path(output.configuration), provenance, seeds)
     write_text(output.tables, render_tables(read_tables(map(Path, snakemake.input.summaries))))
     ledger = pd.read_csv(snakemake.input.ledger[0]) if output.ledger else None
     for path in output.ledger:
         write_text(path, render_ledger(ledger))
     times = read_run_times(Path(snakemake.log[0]).parent, snakemake.params.jobs)
-    results = collect_results(folder, studies, times, provenance, ledger)
+    recordings = tabulate_recordings(map(Path, snakemake.input.tables))
+    results = collect_results(folder, studies, recordings, times, provenance, ledger)
     conclusions = read_conclusions(snakemake.input.conclusions)
     write_text(output.index, render_index(results, ledger, conclusions))

@@ -27,10 +27,13 @@ with running(snakemake):
     economy = measure_economy(trials, snakemake.params.options)
     write_csv(economy, snakemake.output.economy, overwrite=True)
     studies = {}
-    for path, (name, description) in zip(
-        snakemake.input.tables, snakemake.params.studies.items(), strict=True
-    ):
-        studies[name] = StudyResults(name=name, table=read_trial_table(path), **description)
+    for path, study in zip(snakemake.input.tables, snakemake.params.studies, strict=True):
+        studies[study["study"]] = StudyResults(
+            name=study["study"],
+            points=study["points"],
+            table=read_trial_table(path),
+            labels=study["labels"],
+        )
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
     ledger = verify(published, studies, economy)
     write_csv(ledger, snakemake.output.ledger, overwrite=True)

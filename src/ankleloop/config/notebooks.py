@@ -55,6 +55,7 @@ class Notebook(Options):
     reads: list[Literal["trials", "estimates", "points"]] = option(
         [], "what it reads beside the table of all trials"
     )
+    published: list[str] = option([], "tables of papers that it reads, in data/published")
     needs: list[Need] = option([], "what a study must have, see `find_needs`")
 
 

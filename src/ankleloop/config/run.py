@@ -116,52 +116,19 @@ def report_parameters(
 
     `files` are its trials, estimates and tables; `places` are `published`, `table_stem`, `figure_stem`.
     """
-    settings = study.settings
     tables = list(files.get("tables", ()))
     parameters = {
-        "study": study.name,
-        "title": study.title,
-        "labels": study.labels,  # of the methods
-        # Of each method its name in the registry.
-        "algorithms": {name: method.method for name, method in study.methods.items()},
-        "points": study.points if "points" in notebook.reads else {},
+        **study.describe(),
         "figures": list(list_figures(study, notebook)),  # that it may draw
-        "varied": list(study.varied),  # settings that differ between points
-        "figure": settings.figure.model_dump(),  # what figures of single trials show
         # A file of trials and one of estimates for each chunk of points; one table of all trials, or of recordings one
         # for each chunk.
         **{kind: list(files.get(kind, ())) for kind in ("trials", "estimates")},
         **places,
     }
+    if "points" not in notebook.reads:
+        parameters["points"] = {}
     if isinstance(study, SimulatedStudy):
         parameters["table_file"] = "".join(tables)
     else:
         parameters["tables"] = tables
-    if settings.notebook == "sweep":  # settings that all points share, and what its pictures show
-        parameters |= {
-            "settings": settings.simulation.model_dump(),
-            "sweep": settings.sweep.model_dump(),
-        }
     return {"study": parameters}
-
-
-def article_parameters(
-    studies: Iterable[SimulatedStudy], files: Mapping[str, Mapping[str, Any]], **shared: Any
-) -> Values:
-    """Parameters of the notebook of the article."""
-    described = {}
-    for study in studies:
-        described[study.name] = {
-            "title": study.title,
-            "trials": study.settings.trials,
-            "parameters": study.settings.simulation.model_dump(),
-            "points": study.points,
-            "varied": study.varied,
-            "methods": study.labels,
-            **files[study.name],
-        }
-    return {
-        "title": "Closed-loop identification of ankle dynamics: a replication",
-        "studies": described,
-        **shared,
-    }

@@ -51,6 +51,20 @@ class Study:
         # For legends.
         self.labels = {key: method.label or key for key, method in self.methods.items()}
 
+    def describe(self) -> Values:
+        """What its pages, the article, the ledger and the list of results take of it."""
+        return {
+            "study": self.name,
+            "title": self.title,
+            "kind": self.settings.kind,
+            "points": self.points,
+            "varied": list(self.varied),  # settings that differ between points
+            "labels": self.labels,
+            # Of each method its name in the registry.
+            "algorithms": {name: method.method for name, method in self.methods.items()},
+            "figure": self.settings.figure.model_dump(),  # what figures of single trials show
+        }
+
 
 class SimulatedStudy(Study):
     """A study of simulated trials.
@@ -91,6 +105,15 @@ class SimulatedStudy(Study):
             chunks = split_trials(part, self._most_in_chunk, self._rate_of)
             self.chunks += chunks
             self.file_numbers += [number] * len(chunks)
+
+    def describe(self) -> Values:
+        """The same, with what all points share, and how many trials there are at each."""
+        settings = self.settings
+        return {
+            **super().describe(),
+            **settings.model_dump(include={"simulation", "sweep", "seed"}),
+            "trials_per_point": settings.trials,
+        }
 
     def _most_in_file(self, condition: str) -> int:
         """Most trials of a trial file that are like those of a condition."""
@@ -141,7 +164,7 @@ class SimulatedStudy(Study):
             "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
             **self.settings.model_dump(include={"against", "precision"}),
         }
-        return {**arguments, "settings": _hash(self.name, self.simulation(parts), arguments)}
+        return {**arguments, "settings": hash_settings(self.name, self.simulation(parts), arguments)}
 
     @cached_property
     def hashes(self) -> list[str]:
@@ -151,7 +174,7 @@ class SimulatedStudy(Study):
     @property
     def hash(self) -> str:
         """Hash of the settings that make the table of the study."""
-        return _hash(*self.hashes)
+        return hash_settings(*self.hashes)
 
 
 def split_trials(
@@ -181,7 +204,7 @@ def split_trials(
     return chunks
 
 
-def _hash(*values: Any) -> str:
+def hash_settings(*values: Any) -> str:
     """Hash of settings, by which a result knows what made it."""
     text = json.dumps(values, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -203,7 +226,7 @@ class RecordedStudy(Study):
     def hashes(self) -> list[str]:
         """Hash of the settings that make the table of each chunk."""
         shared = (self.analysed_methods, self.settings.figure.model_dump())
-        return [_hash(chunk, *shared) for chunk in self.chunks]
+        return [hash_settings(chunk, *shared) for chunk in self.chunks]
 
     @cached_property
     def points(self) -> dict[str, Values]:  # type: ignore[override]

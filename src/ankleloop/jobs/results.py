@@ -10,7 +10,7 @@ import mimetypes
 import os
 import platform
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -49,16 +49,15 @@ STUDY_COLUMNS = {
     "study": "study",
     "kind": "data",
     "points": "points",
-    "methods": "methods",
-    "trials": "trials per point",
+    "labels": "methods",
+    "trials_per_point": "trials per point",
     "seed": "seed",
     "minutes": "time of its jobs [min]",
 }
 
 Provenance = Mapping[str, Any]
 Figures = dict[str, list[dict[str, Any]]]  # by heading
-# Title, kind, points, methods, trials, seed, tables of recordings of each.
-Studies = Mapping[str, Mapping[str, Any]]
+Study = Mapping[str, Any]  # as `ankleloop.config.study.Study.describe` does
 
 
 def read_provenance(root: PathLike) -> dict[str, Any]:
@@ -160,7 +159,8 @@ def write_crate(
 
 def collect_results(
     folder: Path,
-    studies: Studies,
+    studies: Sequence[Study],
+    recordings: pd.DataFrame,
     times: pd.DataFrame,
     provenance: Provenance,
     ledger: pd.DataFrame | None = None,
@@ -172,18 +172,17 @@ def collect_results(
         return path if (folder / path).exists() else ""
 
     minutes = times.groupby("study")["seconds"].sum() / 60.0
-    rows = [
-        {**study, "study": name, "minutes": minutes.get(name)} for name, study in studies.items()
-    ]
-    table = pd.DataFrame(rows, columns=list(STUDY_COLUMNS), dtype=object)
+    table = pd.DataFrame(studies, columns=list(STUDY_COLUMNS), dtype=object)
+    table["minutes"] = table["study"].map(minutes)
+    for name in ("points", "labels"):
+        table[name] = table[name].map(len)
     left_out = OF_ARTICLE if ledger is None else set()
-    recordings = _tabulate_recordings(studies)
     return {
         "links": {
             text: path for text, path in LINKS.items() if path not in left_out and find(path)
         },
         "studies": table.map(_format_cell).rename(columns=STUDY_COLUMNS),
-        "study_links": [find(f"reports/{name}.html") for name in studies],
+        "study_links": [find(f"reports/{name}.html") for name in table["study"]],
         "figures": _collect_figures(folder, studies),
         "recordings": recordings,
         "recording_links": [
@@ -221,13 +220,13 @@ def read_run_times(folder: Path, jobs: Iterable[str]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["study", *BENCHMARK_TIMES.values(), "end"])
 
 
-def _collect_figures(folder: Path, studies: Studies) -> Figures:
+def _collect_figures(folder: Path, studies: Iterable[Study]) -> Figures:
     """Figures by headings, with the captions that their notebooks give them."""
     captions = [("Diagrams", DIAGRAM_CAPTIONS)]
-    for study, description in studies.items():
-        path = folder / "rendered" / study / "captions.json"
+    for study in studies:
+        path = folder / "rendered" / study["study"] / "captions.json"
         if path.exists():
-            captions.append((description["title"], json.loads(path.read_text(encoding="utf-8"))))
+            captions.append((study["title"], json.loads(path.read_text(encoding="utf-8"))))
     figures: Figures = {}
     for heading, texts in captions:
         for name, caption in texts.items():
@@ -239,24 +238,26 @@ def _collect_figures(folder: Path, studies: Studies) -> Figures:
     return figures
 
 
-def _tabulate_recordings(studies: Studies) -> pd.DataFrame:
-    """A row for each recording with its verdict and the method that is recommended."""
+def tabulate_recordings(paths: Iterable[Path]) -> pd.DataFrame:
+    """A row for each recording with its verdict and the method that is recommended.
+
+    `paths` are tables of scores, in folders with the names of their studies.
+    """
     groups = ["subject", "condition", "trial", "verdict"]
     rows = []
-    for study, description in studies.items():
-        for path in description.get("recordings", ()):
-            # Where all recordings of a chunk are refused, their table has no methods.
-            columns = ["recording", *groups, "label", "recommended"]
-            tables = pd.read_parquet(path).reindex(columns=columns)
-            for recording, table in tables.groupby("recording", sort=False):
-                labels = table.loc[table["recommended"].eq(True), "label"]
-                row = {
-                    "recording": recording,
-                    "study": study,
-                    **table[groups].iloc[0].map(_format_cell),
-                    "recommended method": ", ".join(labels) or NO_NUMBER,
-                }
-                rows.append(row)
+    for path in paths:
+        # Where all recordings of a chunk are refused, their table has no methods.
+        columns = ["recording", *groups, "label", "recommended"]
+        tables = pd.read_parquet(path).reindex(columns=columns)
+        for recording, table in tables.groupby("recording", sort=False):
+            labels = table.loc[table["recommended"].eq(True), "label"]
+            row = {
+                "recording": recording,
+                "study": path.parent.name,
+                **table[groups].iloc[0].map(_format_cell),
+                "recommended method": ", ".join(labels) or NO_NUMBER,
+            }
+            rows.append(row)
     return pd.DataFrame(rows)
 
 

@@ -7,7 +7,7 @@ from html import escape
 import pandas as pd
 import pytest
 
-from ankleloop.jobs.results import collect_results, read_run_times
+from ankleloop.jobs.results import collect_results, read_run_times, tabulate_recordings
 from ankleloop.pages.index import render_index
 
 HOSTILE = "<b>&co"
@@ -19,11 +19,16 @@ PROVENANCE = {
     "system": "Linux",
 }
 PROVENANCE["packages"] = {"numpy": "2.1", "scipy": "1.15"}
-KEYS = ("title", "kind", "points", "methods", "trials", "seed")
-STUDIES = {
-    "table1": dict(zip(KEYS, (f"Table 1 {HOSTILE}", "simulation", 2, 5, 20, 7), strict=True))
+TABLE1 = {
+    "study": "table1",
+    "title": f"Table 1 {HOSTILE}",
+    "kind": "simulation",
+    "points": {"a": {}, "b": {}},
+    "labels": {"riv": "RIV"},
+    "trials_per_point": 20,
+    "seed": 7,
 }
-RECORDED = dict(zip(KEYS, ("Recordings", "recordings", 2, 1, None, None), strict=True))
+RECORDED = ("laboratory", "clinic")
 JOBS = ["article", "identify/table1/0", "identify/table1/1", "identify/table1/2", "report/table1"]
 
 
@@ -37,7 +42,8 @@ def folder(tmp_path):
         "figures",
         "rendered/table1",
         "tables",
-        "scores",
+        "scores/laboratory",
+        "scores/clinic",
     ):
         (results / name).mkdir(parents=True)
     pages = [
@@ -57,10 +63,10 @@ def folder(tmp_path):
         ("A1", "S1", "usable", "b", False),
         ("A2", "S2", "refused", None, None),
     ]
-    for name in ("laboratory", "clinic"):
+    for name in RECORDED:
         table = pd.DataFrame(rows, columns=columns).assign(condition="rest", trial=None)
         table = table if name == "laboratory" else table[2:].drop(columns=["label", "recommended"])
-        table.to_parquet(results / f"scores/{name}.parquet")
+        table.to_parquet(results / f"scores/{name}/0.parquet")
     return results
 
 
@@ -68,22 +74,24 @@ LEDGER = pd.DataFrame({"id": ["a", "b"], "verdict": ["reproduced", "cannot be ju
 
 
 def collect(folder, ledger=LEDGER, jobs=()):
-    tables = {name: folder / f"scores/{name}.parquet" for name in ("laboratory", "clinic")}
-    studies = STUDIES | {name: RECORDED | {"recordings": [path]} for name, path in tables.items()}
-    return collect_results(
-        folder, studies, read_run_times(folder.parent / "logs", jobs), PROVENANCE, ledger
-    )
+    described = {"title": "Recordings", "kind": "recordings", "points": {"A1": {}}, "labels": {}}
+    studies = [TABLE1, *(described | {"study": name} for name in RECORDED)]
+    recordings = tabulate_recordings(folder / f"scores/{name}/0.parquet" for name in RECORDED)
+    times = read_run_times(folder.parent / "logs", jobs)
+    return collect_results(folder, studies, recordings, times, PROVENANCE, ledger)
 
 
 def test_what_is_there_is_listed(folder):
     results = collect(folder)
     assert list(results["links"].values()) == ["article.html", "ledger.html", "configuration.json"]
-    assert [figure["name"] for figure in results["figures"][STUDIES["table1"]["title"]]] == [
+    assert [figure["name"] for figure in results["figures"][TABLE1["title"]]] == [
         "table1-order"
     ]
     recordings = results["recordings"].set_index(["study", "recording"])
     assert recordings.loc[("laboratory", "A1"), "recommended method"] == HOSTILE
     assert recordings["verdict"].tolist() == ["usable", "refused", "refused"]
+    numbers = results["studies"].set_index("study").loc["table1", ["points", "methods", "seed"]]
+    assert numbers.tolist() == ["2", "1", "7"]
     assert HOSTILE not in render_index(results, None, {})
     assert escape(HOSTILE) in render_index(results, None, {})
 

@@ -146,7 +146,7 @@ def test_notebook_runs_on_the_table_alone(tmp_path, count):
         table_file=str(write_trials(tmp_path / "s-trials.parquet", table)),
         labels=LABELS,
         varied=varied,
-        settings=SETTINGS,
+        simulation=SETTINGS,
         sweep=sweep_options(quantities=["vaf_net_true"], difference=["riv", "moesp"]),
         table_stem=str(tmp_path / "s"),
         figure_stem=str(tmp_path / "s"),
