@@ -1,6 +1,7 @@
 """The whole DAG, in a copy of the repository, as a user runs it."""
 
 import re
+import shutil
 from collections import Counter
 
 import pandas as pd
@@ -146,6 +147,22 @@ def test_a_changed_method_identifies_again_and_simulates_nothing(reproduction, p
     ]
     assert {job.split()[1] for job in jobs if job.startswith("identify")} == set(studies)
     assert not any(job.startswith("simulate") for job in jobs)
+
+
+def test_a_reworded_claim_makes_the_article_alone(reproduction, plan):
+    path = reproduction / "data/published/claims.csv"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("good", "very good"), encoding="utf-8")
+    assert plan() == SUMMARIES
+    path.write_text(text, encoding="utf-8")
+
+
+def test_a_copy_in_another_folder_makes_nothing_again(reproduction, snakemake, laboratory, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(reproduction, copy)
+    arguments = ("--dry-run", "--configfile", "config/reduced.yaml")
+    text = snakemake(copy, *arguments, ANKLELOOP_RECORDINGS=str(laboratory))
+    assert "Nothing to be done" in text
 
 
 def test_changed_pages_are_made_again(plan, touch):
