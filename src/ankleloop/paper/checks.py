@@ -390,6 +390,20 @@ def check_net_vaf_hides_bias(case: Case) -> Row:
     return case.compare("PR-MOESP", [explains_more, is_wrong], ours=error)
 
 
+def check_criteria(case: Case) -> Row:
+    """Net VAF and VAF of halves that were not fitted prefer PR-MOESP to riv; the instrumental VAF prefers riv."""
+    accepted = {
+        "vaf_net_measured": (0.0, np.inf),
+        "unseen_cross_validation": (0.0, np.inf),
+        "unseen_instrumental": (-np.inf, 0.0),
+    }
+    comparisons = []
+    for criterion, limits in accepted.items():
+        lead = case.lead("choosing", (criterion, "pr-moesp"), (criterion, "riv"))
+        comparisons.append(Comparison(QUANTITIES[criterion].symbol, lead, limits))
+    return case.compare("PR-MOESP less riv [points]", comparisons)
+
+
 def check_accurate(case: Case, *arms: str) -> Row:
     """K by PR-MOESP with one basis over all trials at the setting of Table 1; an arm is STUDY=METHOD."""
     samples = []

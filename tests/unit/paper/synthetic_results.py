@@ -32,7 +32,9 @@ POINTS = {
         {"perturbation": name, "reflex_gain": 5.0, "voluntary": 0.5, **loop}
         for name, loop in product(("pulses", "prbs"), LOOPS)
     ],
+    "choosing": [{"voluntary": 1.0}],
 }
+UNSEEN = ("unseen_cross_validation", "unseen_instrumental")
 CASCADES = ("parallel-cascade-one-pass", "parallel-cascade")
 METHODS = {
     "table1": ("pr-moesp", "pr-moesp-free-b", "eiv-moesp", *CASCADES),
@@ -50,6 +52,7 @@ METHODS = {
     "projection": ("ordinary", "ordinary-rectifier"),
     "obstacles": ("pr-chebyshev", "pr-rectifier"),
     "real-time": ("real-time",),
+    "choosing": ("pr-moesp", "riv"),
 }
 MEASUREMENTS = {
     "block_rows": (15, np.nan, np.nan),
@@ -75,6 +78,8 @@ def default_vaf(study, settings, method, torque):
         )
     if study == "voluntary":
         return 50.0 if settings["closed_loop"] else 55.0
+    if study == "choosing" and method == "pr-moesp":
+        return 55.0 if torque == "unseen_instrumental" else 57.0
     return 56.0
 
 
@@ -124,11 +129,12 @@ class Studies(Mapping):
                 "K": 150.0 + 1.5 * error + self.noise(study, point, method),
                 "trial": range(self.trials),
             }
-            for torque in ("net", "intrinsic", "reflex"):
+            for torque in ("net", "intrinsic", "reflex", *UNSEEN):
                 mean = self.vaf(study, values, method, torque)
                 mean = default_vaf(study, values, method, torque) if mean is None else mean
                 vaf = mean + self.noise(study, point, method, torque)
-                columns |= {f"vaf_{torque}_{against}": vaf for against in ("measured", "true")}
+                names = [f"vaf_{torque}_{against}" for against in ("measured", "true")]
+                columns |= dict.fromkeys([torque] if torque in UNSEEN else names, vaf)
             tables.append(pd.DataFrame(columns).assign(point=point, method=method, passes=27.0))
         table = pd.concat(tables, ignore_index=True)
         return StudyResults(study, points, table, self.labels)

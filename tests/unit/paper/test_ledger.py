@@ -104,6 +104,12 @@ CASES = {
             | vaf_at("voluntary", 50.01, ["riv"], ["net"]),
         ),
     ],
+    "criteria": [
+        (HOLDS, {}),
+        (NOT_REPRODUCED, vaf_at("choosing", 55.9, ["pr-moesp"], ["net"])),
+        (NOT_REPRODUCED, vaf_at("choosing", 55.9, ["pr-moesp"], ["unseen_cross_validation"])),
+        (NOT_REPRODUCED, vaf_at("choosing", 56.1, ["pr-moesp"], ["unseen_instrumental"])),
+    ],
     "pr-unbiased": limits(
         {}, error_at("voluntary", -2.01, "pr-moesp", voluntary=0.25, closed_loop=True)
     ),
