@@ -157,7 +157,9 @@ def test_a_reworded_claim_makes_the_article_alone(reproduction, plan):
     path.write_text(text, encoding="utf-8")
 
 
-def test_a_copy_in_another_folder_makes_nothing_again(reproduction, snakemake, laboratory, tmp_path):
+def test_a_copy_in_another_folder_makes_nothing_again(
+    reproduction, snakemake, laboratory, tmp_path
+):
     copy = tmp_path / "copy"
     shutil.copytree(reproduction, copy)
     arguments = ("--dry-run", "--configfile", "config/reduced.yaml")

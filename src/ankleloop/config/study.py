@@ -164,7 +164,10 @@ class SimulatedStudy(Study):
             "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
             **self.settings.model_dump(include={"against", "precision"}),
         }
-        return {**arguments, "settings": hash_settings(self.name, self.simulation(parts), arguments)}
+        return {
+            **arguments,
+            "settings": hash_settings(self.name, self.simulation(parts), arguments),
+        }
 
     @cached_property
     def hashes(self) -> list[str]:

@@ -84,9 +84,7 @@ def collect(folder, ledger=LEDGER, jobs=()):
 def test_what_is_there_is_listed(folder):
     results = collect(folder)
     assert list(results["links"].values()) == ["article.html", "ledger.html", "configuration.json"]
-    assert [figure["name"] for figure in results["figures"][TABLE1["title"]]] == [
-        "table1-order"
-    ]
+    assert [figure["name"] for figure in results["figures"][TABLE1["title"]]] == ["table1-order"]
     recordings = results["recordings"].set_index(["study", "recording"])
     assert recordings.loc[("laboratory", "A1"), "recommended method"] == HOSTILE
     assert recordings["verdict"].tolist() == ["usable", "refused", "refused"]
