@@ -147,12 +147,19 @@ def table_file(study):
     return f"results/tables/{study.name}-trials.parquet"
 
 
+def prediction_files(study):
+    """Table of what is predicted of a study, where its notebook reads it."""
+    book = NOTEBOOKS.get(study.settings.notebook)
+    path = f"results/tables/{study.name}-predictions.parquet"
+    return [path] if book and book.predictions else []
+
+
 def tables_of(wildcards):
     """Tables that the notebook of a study reads."""
     study = study_of(wildcards)
-    return (
-        [table_file(study)] if study.name in SIMULATED else chunk_files("scores", study)
-    )
+    if isinstance(study, RecordedStudy):
+        return chunk_files("scores", study)
+    return [table_file(study), *prediction_files(study)]
 
 
 def trials_of(wildcards):
@@ -195,7 +202,7 @@ def targets():
         if isinstance(study, RecordedStudy):
             paths.append(f"results/reports/{study.name}")
         else:
-            paths.append(table_file(study))
+            paths += [table_file(study), *prediction_files(study)]
             if study.name in SMALL:
                 paths.append(f"results/tables/{study.name}-trials.csv")
         if study.settings.notebook:

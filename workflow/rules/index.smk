@@ -64,6 +64,7 @@ rule index:
                 for chunk in range(len(chunks))
             ],
             *[f"table/{name}" for name in JOBS if name in SIMULATED],
+            *[f"predict/{study.name}" for study in RUN if prediction_files(study)],
             *[f"report/{study.name}" for study in RUN if study.settings.notebook],
         ],
         studies=[study.describe() for study in RUN],

@@ -78,6 +78,33 @@ use rule identify as sweep with:
         study=names_keeping("scores"),
 
 
+# What the trials are compared with: Cramér-Rao bounds, and lengths of records that pilots ask for.
+rule predict:
+    input:
+        settings=lambda w: settings_file(
+            study_of(w),
+            "predictions",
+            study_of(w).prediction(notebook_of(w).predictions),
+        ),
+    output:
+        table="results/tables/{study}-predictions.parquet",
+    log:
+        "logs/predict/{study}.log",
+    benchmark:
+        "logs/predict/{study}.tsv"
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory,
+        runtime=half_hour,
+    params:
+        arguments=lambda w: study_of(w).prediction(notebook_of(w).predictions),
+        library=library("workflow/scripts/predict.py"),
+    script:
+        "../scripts/predict.py"
+
+
 # All trials of a study in one table: a row for each point, method and trial, with scores and parameters. Small ones are
 # written as CSV, too.
 rule table:

@@ -13,9 +13,7 @@ from nbconvert import HTMLExporter
 
 from ankleloop.jobs.job import log, running
 from ankleloop.pages.rendering import find_captions, render_page
-from ankleloop.tables.means import KEYS
-from ankleloop.tables.outcomes import describe_failures
-from ankleloop.tables.trial_tables import read_trial_table
+from ankleloop.pages.study_page import StudyPage
 from ankleloop.trials.files import atomic_file
 
 
@@ -53,13 +51,6 @@ def export_outputs(notebook: nbformat.NotebookNode) -> str:
     return exporter.from_notebook_node(notebook)[0]
 
 
-def describe_failures_of(study: Mapping) -> str:
-    """How many identifications of a simulated study failed."""
-    if "table_file" not in study:
-        return ""
-    return describe_failures(read_trial_table(study["table_file"], [*KEYS, "failure"]))
-
-
 def write_captions(captions: Mapping[bytes, str], folder: Path) -> None:
     """Captions of the figures in a folder by their names; a notebook of a user may show a figure without one."""
     names = {
@@ -92,8 +83,10 @@ with running(snakemake):
     # The article shows several studies, each of which has a page of its own in a folder.
     study = parameters.get("study")
     if study:
-        note = describe_failures_of(study)
-        page = render_page(study["title"], body, note=note, index="../index.html")
+        note, faults = "", ""  # pages of recordings have their own
+        if "table_file" in study:
+            note, faults = StudyPage(**study).render_faults()
+        page = render_page(study["title"], body + faults, note=note, index="../index.html")
     else:
         page = render_page(parameters["title"], body, note="", index="index.html")
     report = next(path for path in snakemake.output if path.endswith(".html"))

@@ -33,7 +33,12 @@ Need = Literal[
     "select",
     "variation",
     "trajectories",
+    "bound",
+    "trajectory bound",
+    "usual perturbation",
 ]
+Prediction = Literal["known delay", "unknown delay", "reference alone", "trajectories", "pilots"]
+NO_BOUND = ("reflex_threshold", "variation", "movement", "locked_torque")  # where one is not 0
 
 
 class ConditionalFigure(Options):
@@ -56,6 +61,9 @@ class Notebook(Options):
         [], "what it reads beside the table of all trials"
     )
     published: list[str] = option([], "tables of papers that it reads, in data/published")
+    predictions: dict[Prediction, int] = option(
+        {}, "kinds of predictions that it reads, each with its number of seeds"
+    )
     needs: list[Need] = option([], "what a study must have, see `find_needs`")
 
 
@@ -101,6 +109,7 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
         method.method == "riv" and method.fixed_options.get("delay", 0.0) is None
         for method in methods.values()
     )
+    smooth = [settings for settings in points if settings["variation_shape"] != "square"]
     needs: dict[str, tuple[object, str]] = {
         "trials": (
             keep == "everything",
@@ -150,5 +159,18 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             "variation (of K, B and G) at every point",
         ),
         "trajectories": ("riv-tv" in algorithms, "a method riv-tv, for its trajectories"),
+        "bound": (
+            not any(settings[name] for settings in points for name in NO_BOUND),
+            f"a Cramér-Rao bound at every point: {', '.join(NO_BOUND)} must be 0 or null",
+        ),
+        "trajectory bound": (
+            not any(settings["reflex_threshold"] for settings in smooth)
+            and all(settings["snr_db"] is not None or settings["voluntary"] for settings in smooth),
+            "a bound of the trajectories at every point: set reflex_threshold: 0, and snr_db or voluntary",
+        ),
+        "usual perturbation": (
+            ("prbs", 0.1) in [(s["perturbation"], s["switching_interval"]) for s in points],
+            "a point with the usual perturbation, prbs with switching_interval: 0.1",
+        ),
     }
     return {name: "" if has_it else words for name, (has_it, words) in needs.items()}

@@ -114,7 +114,8 @@ def report_parameters(
 ) -> Values:
     """Parameters of the notebook of a study: what `ankleloop.pages.study_page.StudyPage` holds.
 
-    `files` are its trials, estimates and tables; `places` are `published`, `table_stem`, `figure_stem`.
+    `files` are its trials, estimates and tables, that of all trials before that of predictions; `places` are
+    `published`, `table_stem`, `figure_stem`.
     """
     tables = list(files.get("tables", ()))
     parameters = {
@@ -128,7 +129,7 @@ def report_parameters(
     if "points" not in notebook.reads:
         parameters["points"] = {}
     if isinstance(study, SimulatedStudy):
-        parameters["table_file"] = "".join(tables)
+        parameters |= zip(("table_file", "prediction_file"), tables, strict=False)
     else:
         parameters["tables"] = tables
     return {"study": parameters}

@@ -169,6 +169,11 @@ class SimulatedStudy(Study):
             "settings": hash_settings(self.name, self.simulation(parts), arguments),
         }
 
+    def prediction(self, draws: Mapping[str, int]) -> Values:
+        """Arguments of `predict` besides the file and the study, for numbers of seeds by the kind of prediction."""
+        points = {point.name: self.conditions[point.condition] for point in self.point_list}
+        return {"points": points, "draws": draws, "settings": _hash(points, draws)}
+
     @cached_property
     def hashes(self) -> list[str]:
         """Hash of the settings that make the table of each chunk."""

@@ -16,9 +16,9 @@ from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.pages.rendering import render_table
 from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
 from ankleloop.quantities import point_column
-from ankleloop.tables.captions import describe_settings, typical_point
+from ankleloop.tables.captions import describe_settings, describe_values, typical_point
 from ankleloop.tables.comparisons import write_table
-from ankleloop.tables.outcomes import describe_faults
+from ankleloop.tables.outcomes import count_faults, list_reasons
 from ankleloop.tables.trial_tables import read_results
 
 MEANS = (
@@ -41,6 +41,11 @@ class StudyPage(SimpleNamespace):
     def table(self) -> pd.DataFrame:
         """The same, with the label of the method as `series`."""
         return self.details.assign(series=self.details["method"].map(self.labels))
+
+    @cached_property
+    def predictions(self) -> pd.DataFrame:
+        """What `ankleloop.jobs.predictions.predict` has written: a row for each point, kind and seed."""
+        return pd.read_parquet(self.prediction_file)
 
     @property
     def keys(self) -> list[str]:
@@ -109,10 +114,22 @@ class StudyPage(SimpleNamespace):
         settings = describe_settings(self.points[self.typical], self.varied)
         return f"{self.details['trial'].nunique()} trials at each point; {settings}."
 
+    def render_faults(self) -> tuple[str, str]:
+        """Sentence that counts failures and warnings, and HTML with the reason of each; both empty without any."""
+        reasons = list_reasons(self.details)
+        if reasons.empty:
+            return "", ""
+        points = self.details.drop_duplicates("point").set_index("point")[self.keys]
+        settings = [
+            describe_values(points.loc[name].dropna()) or name for name in reasons.pop("point")
+        ]
+        cells = reasons.assign(method=reasons["method"].map(self.labels), example=settings)
+        sentence = count_faults(self.details, "see the end of this page")
+        return sentence, f"<h2>Failures and warnings</h2>{render_table(cells)}"
+
     def fold(self, note: str = "") -> HTML:
         """Trials and settings of the study, and a note, behind a line that opens them."""
-        faults = describe_faults(self.details, self.labels)
-        return fold("Trials and settings", [note, self._conditions(), faults])
+        return fold("Trials and settings", [note, self._conditions(), count_faults(self.details)])
 
 
 def fold(summary: str, parts: Iterable[str]) -> HTML:

@@ -25,6 +25,7 @@ SHARED_SETTINGS = (
     "voluntary",
     "actuator_frequency",
     "actuator_damping",
+    "closed_loop",
 )
 
 
@@ -57,16 +58,21 @@ def format_point(settings: Settings) -> str:
     return f"{format_load(settings)}, gain {settings['reflex_gain']:g}, voluntary {100 * settings['voluntary']:g} %"
 
 
+def describe_values(values: Settings) -> str:
+    """Values of settings in words, such as those that make a point."""
+    texts = []
+    for name, value in values.items():
+        if isinstance(value, (bool, str)):
+            texts.append(describe_condition(name, value))
+        else:
+            texts.append(f"{label_setting(name)[0]} {format_setting(name, value)}")
+    return ", ".join(texts)
+
+
 def describe_settings(settings: Settings, varied: Collection[str] = ()) -> str:
     """Settings that every trial of a study has, in one phrase."""
-    texts = [
-        f"{label_setting(name)[0]} {format_setting(name, settings[name])}"
-        for name in SHARED_SETTINGS
-        if name not in varied
-    ]
-    if "closed_loop" not in varied:
-        texts.append(describe_condition("closed_loop", settings["closed_loop"]))
-    shared = ", ".join(texts)
+    names = [name for name in SHARED_SETTINGS if name not in varied]
+    shared = describe_values({name: settings[name] for name in names})
     return f"{shared} (relative voluntary torque: its sd over that of the clean net torque)"
 
 

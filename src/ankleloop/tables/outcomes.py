@@ -12,8 +12,7 @@ from ankleloop.quantities import POINT, SETTINGS
 from ankleloop.tables.means import list_faults
 
 RATE = 100.0  # Hz, of the identification by default
-MOST_REASONS = 5  # of failures that a sentence each is about
-NUMBER = r"\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
+NUMBER = r"[+-]?\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
 Settings = Mapping[str, Any]  # of the simulation, by name
 Points = Mapping[str, Settings]  # of a study, by name
 Labels = Mapping[str, str]  # of methods, by name
@@ -42,36 +41,38 @@ def true_spectral_radius(settings: Settings, rate: float = RATE) -> float:
 def describe_condition(name: str, value: Any) -> str:
     """Experimental condition in words."""
     name = name.removeprefix(POINT)
-    return CONDITIONS.get(name, {}).get(value, f"{name} {value}")
+    return CONDITIONS.get(name, {}).get(value, f"{name.replace('_', ' ')} {value}")
+
+
+def list_reasons(parameters: pd.DataFrame) -> pd.DataFrame:
+    """Why identifications failed or came with a warning: a row for each method and reason, the most frequent first.
+
+    Reasons that differ in numbers alone are one; `point` and `reason` are those of the first one.
+    """
+    keys = ["point", "method"]
+    texts = parameters.reindex(columns=[*keys, "failure", "warnings"])
+    texts = texts.rename(columns={"warnings": "warning"})
+    texts = texts.melt(keys, var_name="outcome", value_name="reason")
+    texts = texts.dropna(subset="reason").astype(str)
+    pattern = texts["reason"].str.replace(NUMBER, "#", regex=True)
+    groups = texts.groupby(["outcome", "method", pattern], sort=False)
+    reasons = groups.head(1).assign(identifications=groups["point"].transform("size"))
+    return reasons.sort_values("identifications", ascending=False, kind="stable")
 
 
 def describe_failures(parameters: pd.DataFrame) -> str:
-    """Say how many identifications failed, and why; means leave them out."""
-    rows = parameters.reindex(columns=["point", "method", "failure"])
-    failed = rows.dropna(subset="failure").astype(str)
+    """Say how many identifications failed, and the most frequent reason; means leave them out."""
+    failed = parameters.dropna(subset="failure")
     if failed.empty:
         return ""
-    reasons = failed["failure"].str.replace(NUMBER, "#", regex=True)
-    groups = failed.groupby(reasons, sort=False)
-    examples = groups.first().assign(count=groups.size())
-    examples = examples.sort_values("count", ascending=False, kind="stable")
-    texts = [f"{len(failed):,} of {len(parameters):,} identifications failed; means leave them out"]
-    for row in examples.head(MOST_REASONS).itertuples():
-        reason = row.failure.rstrip(".")
-        texts.append(f"{row.count:,} of them, such as {row.method} at {row.point}: {reason}")
-    return ". ".join(texts)
+    counts = f"{len(failed):,} of {len(parameters):,} identifications failed"
+    first = list_reasons(failed).iloc[0]
+    place = f"{first['identifications']:,} of them like {first['method']} at {first['point']}"
+    return f"{counts}; means leave them out. {place}: {first['reason']}"
 
 
-def describe_faults(parameters: pd.DataFrame, labels: Labels) -> str:
-    """How many identifications failed, and how many estimates came with a warning, for each method that has any."""
-    counts = list_faults(parameters).groupby(parameters["method"], sort=False).sum()
-    texts = []
-    for name, words in (("failures", "without an estimate"), ("warnings", "with a warning")):
-        methods = counts.loc[counts[name] > 0, name]
-        text = f"{words}: {methods.sum()} of {len(parameters)}"
-        if not methods.empty:
-            parts = [f"{labels.get(method, method)} {count}" for method, count in methods.items()]
-            text += f" ({', '.join(parts)})"
-        texts.append(text)
-    rings = " In figures they have rings." if counts.to_numpy().any() else ""
-    return f"Identifications {'; '.join(texts)}.{rings}"
+def count_faults(parameters: pd.DataFrame, where: str = "rings mark them in figures") -> str:
+    """Say how many identifications failed, how many came with a warning, and where a reader finds them."""
+    failed, warned = list_faults(parameters).sum()
+    counts = f"{failed:,} failed and {warned:,} came with a warning"
+    return f"Of {len(parameters):,} identifications {counts}: {where}."

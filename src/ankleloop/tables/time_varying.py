@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from scipy import stats
 
-from ankleloop.assessment.cramer_rao import trajectory_bound
 from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
@@ -33,15 +30,7 @@ VARIATIONS = {
     "schedule": "scheduling variable, {:g} s",
 }
 PLACES = 101
-BOUND_SEED = 0  # of the perturbation, on which the bound hardly depends
 SPREAD = (0.025, 0.975)  # quantiles of the trials
-
-
-def _simulated(settings: Settings) -> dict[str, Any]:
-    """Settings of the simulation; points of a study have options of methods beside them."""
-    return {
-        name: value for name, value in settings.items() if name in SimulationSettings.model_fields
-    }
 
 
 def profile_trajectories(
@@ -51,7 +40,10 @@ def profile_trajectories(
 
     Shapes: coordinate (places,); returns (places,).
     """
-    simulated = _simulated(settings) | {"cycle_jitter": 0.0}
+    # Points of a study have options of methods beside the settings.
+    known = SimulationSettings.model_fields
+    simulated = {name: value for name, value in settings.items() if name in known}
+    simulated["cycle_jitter"] = 0.0
     if dimension != "phase":  # a straight path over a record of any length takes each place in turn
         simulated["variation"] = "time"
     chosen = SimulationSettings(**simulated)
@@ -137,7 +129,7 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
 
 
-def _root_mean_square(values: pd.Series | xr.DataArray) -> float:
+def _root_mean_square(values: pd.Series) -> float:
     """Root of the mean of the squares of what has a value."""
     return float(np.sqrt((values**2).mean()))
 
@@ -171,29 +163,29 @@ def typical_points(points: Points, most: int = 4) -> list[str]:
     return [names[int((number + 0.5) * step)] for number in range(min(most, len(names)))]
 
 
-def compare_with_bound(details: pd.DataFrame, points: Points, method: str) -> pd.DataFrame:
-    r"""Errors of a method beside the smallest ones of estimates without bias, for each setting and parameter.
+def compare_with_bound(details: pd.DataFrame, bounds: pd.DataFrame, method: str) -> pd.DataFrame:
+    r"""Errors of a method beside the smallest ones of estimates without bias, for each setting that has a bound.
+
+    `bounds` are those that `ankleloop.jobs.predictions.bound_trajectories` has, a row for each point.
 
     The efficiency is the mean square of the bound over all places, over the mean square error over places and trials.
     That of the mean over the places is likewise; with n trials of normal errors about the truth its 95 % interval is
     the efficiency times the quantiles of :math:`\chi^2_n / n`.
     """
     rows = []
+    bounds = bounds.set_index("point")
     for point, part in details[details["method"] == method].groupby("point", sort=False):
-        settings = _simulated(points[str(point)])
-        if settings.get("variation_shape") == "square":
+        if point not in bounds.index:
             continue
-        bound = trajectory_bound(seed=BOUND_SEED, **settings)
-        dimension = str(next(iter(bound.sizes)))
-        truths = profile_trajectories(settings, dimension, bound[dimension].values)
+        bound = bounds.loc[point]
         for name in TRAJECTORY_TRUTHS:
-            unit = 100.0 / truths[name].mean()
+            unit = 100.0 / bound[f"{name}_truth"]
             means = part[f"{name}_bias"].dropna()
             row = {"point": point, "parameter": name}
             row["root_error"] = _root_mean_square(part[f"{name}_nrmse"])
-            row["bound"] = unit * _root_mean_square(bound[name])
+            row["bound"] = unit * bound[name]
             row["root_mean_error"] = _root_mean_square(means)
-            row["mean_bound"] = unit * float(bound[f"{name}_mean"])
+            row["mean_bound"] = unit * bound[f"{name}_mean"]
             row["efficiency"] = 100.0 * (row["bound"] / row["root_error"]) ** 2
             row["mean_efficiency"] = 100.0 * (row["mean_bound"] / row["root_mean_error"]) ** 2
             ends = stats.chi2.ppf((0.025, 0.975), means.size) / means.size

@@ -35,6 +35,42 @@ def test_unknown_notebooks_and_those_of_other_studies_are_refused():
     read(notebook=None)
 
 
+STILL = (
+    "a Cramér-Rao bound at every point: reflex_threshold, variation, movement, locked_torque must"
+)
+MOVING = (
+    "a bound of the trajectories at every point: set reflex_threshold: 0, and snr_db or voluntary"
+)
+TIME_VARYING = {
+    "notebook": "time-varying",
+    "keep": "estimates",
+    "methods": {"riv-tv": {"method": "riv-tv"}},
+}
+
+
+@pytest.mark.parametrize(
+    ("settings", "simulation", "message"),
+    [
+        ({"notebook": "design"}, {"reflex_threshold": 0.1}, f"design needs {STILL}"),
+        ({"notebook": "design"}, {"movement": 0.1}, f"design needs {STILL}"),
+        ({"notebook": "design"}, {"switching_interval": 0.2}, "needs a point with the usual"),
+        (TIME_VARYING, {"reflex_threshold": 0.1}, f"time-varying needs {MOVING}"),
+        (TIME_VARYING, {"snr_db": None}, f"time-varying needs {MOVING}"),
+    ],
+)
+def test_a_point_that_has_no_bound_is_refused(settings, simulation, message):
+    points = {"voluntary": [0.0, 0.5]}
+    varying = {"variation": "cycle"} if settings is TIME_VARYING else {}
+    read(**settings, points=points, simulation=varying)
+    with pytest.raises(ConfigError, match=message):
+        read(**settings, points=points, simulation=varying | simulation)
+
+
+def test_steps_have_no_bound_and_need_none():
+    simulation = {"variation": "cycle", "variation_shape": "square", "snr_db": None}
+    read(**TIME_VARYING, points={"voluntary": [0.0, 0.5]}, simulation=simulation)
+
+
 def test_a_figure_is_listed_where_a_study_has_what_it_shows():
     points = {"voluntary": [0.1, 0.5], "reflex_gain": [5.0, 9.0], "zeta": [0.7, 1.0]}
     figures = [list_figures(study, NOTEBOOKS["sweep"]) for study in (read(), read(points=points))]

@@ -1,5 +1,7 @@
 """What the notebooks of all studies share."""
 
+import re
+
 import pandas as pd
 import pytest
 
@@ -20,7 +22,7 @@ def page(tmp_path):
         {
             "study": "s",
             "point": f"g={gain:g}",
-            "reflex_gain": gain,
+            "point.reflex_gain": gain,
             "method": method,
             "trial": trial,
         }
@@ -57,15 +59,29 @@ def test_the_note_of_a_figure_counts_trials_and_says_what_rings_are(page):
     for words in (
         "A note.",
         "2 trials at each point",
-        "1 of 8 (RIV 1)",
-        "1 of 8 (PR &lt;&amp;&gt; 1)",
-        "In figures they have rings",
+        "Of 8 identifications 1 failed and 1 came with a warning: rings mark them in figures.",
     ):
         assert words in note
     assert (
         fold("<b>", ["a", "", "b"]).data
         == "<details><summary>&lt;b&gt;</summary><p>a b</p></details>"
     )
+
+
+def test_failures_and_warnings_are_counted_at_the_top_and_listed_with_reasons_at_the_end(page):
+    sentence, part = page.render_faults()
+    assert sentence == (
+        "Of 8 identifications 1 failed and 1 came with a warning: see the end of this page."
+    )
+    assert "<h2>Failures and warnings</h2>" in part
+    cells = [re.findall("<td.*?>(.*?)</td>", row) for row in part.split("<tr>")[2:]]
+    gain = "reflex gain 5 N·m·s/rad"
+    assert cells == [
+        ["RIV", "failure", "no pole", "1", gain],
+        ["PR &lt;&amp;&gt;", "warning", "unstable", "1", gain],
+    ]
+    page.details[["failure", "warnings"]] = None
+    assert page.render_faults() == ("", "")
 
 
 def test_a_figure_of_a_trial_that_failed_by_every_method_is_refused(page):

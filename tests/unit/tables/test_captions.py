@@ -1,5 +1,6 @@
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.captions import (
+    describe_values,
     format_truths,
     shared_truths,
     typical_point,
@@ -28,3 +29,17 @@ def test_truths_that_differ_between_points_have_no_line():
     }
     assert shared_truths(points, ["K", "B"]) == {"K": None, "B": 0.8}
     assert format_truths(points, ["K", "B"]) == "K = 150 or 100 N·m/rad, B = 0.8 N·m·s/rad"
+
+
+def test_values_of_a_point_are_said_in_words():
+    values = {
+        "point.load_stiffness": 50.0,
+        "point.perturbation": "pulses",
+        "point.closed_loop": False,
+        "point.pr-moesp.block_rows": 20,
+        "point.snr_db": None,
+    }
+    assert describe_values(values) == (
+        "stiffness of the load 50 N·m/rad, decorrelating pulses, open loop, pr-moesp.block rows 20, "
+        "signal-to-noise ratio infinite"
+    )

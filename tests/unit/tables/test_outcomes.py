@@ -1,9 +1,10 @@
 import numpy as np
+import pandas as pd
 import pytest
 
 from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.tables.outcomes import true_spectral_radius, true_values
+from ankleloop.tables.outcomes import list_reasons, true_spectral_radius, true_values
 
 
 @pytest.mark.parametrize(
@@ -34,3 +35,19 @@ def test_every_true_value_is_that_of_the_simulation():
     }
     assert set(values) <= set(QUANTITIES)
     assert list(true_values(SimulationSettings.defaults(), ["B", "K"])) == ["B", "K"]
+
+
+def test_reasons_that_differ_in_numbers_alone_are_one():
+    table = pd.DataFrame(
+        {
+            "point": ["a", "a", "b", "b"],
+            "method": "riv",
+            "failure": [None, "no pole", None, None],
+            "warnings": ["B = -0.1 is negative", None, "B = -2e-05 is negative", None],
+        }
+    )
+    columns = ["outcome", "point", "reason", "identifications"]
+    assert list_reasons(table)[columns].values.tolist() == [
+        ["warning", "a", "B = -0.1 is negative", 2],
+        ["failure", "a", "no pole", 1],
+    ]

@@ -14,6 +14,7 @@ from study_jobs import run_jobs
 from ankleloop.config.notebooks import read_notebooks
 from ankleloop.config.run import report_parameters
 from ankleloop.config.study import read_studies
+from ankleloop.jobs.predictions import predict
 
 NOTEBOOKS = read_notebooks()
 ROOT = Path(__file__).parents[3]
@@ -36,7 +37,10 @@ def run_notebook(tmp_path):
         settings["simulation"] |= {"duration": 16.8}
         study = read_studies({"studies": {name: settings}})[1][name]
         results = run_jobs(study, tmp_path)
-        files = {"estimates": results.estimates, "tables": [str(results.table)]}
+        predictions = tmp_path / "predictions.parquet"
+        predict(predictions, name, **study.prediction(NOTEBOOKS["time-varying"].predictions))
+        tables = [str(results.table), str(predictions)]
+        files = {"estimates": results.estimates, "tables": tables}
         stems = {
             "table_stem": str(tmp_path / name),
             "figure_stem": str(tmp_path / f"figure-{name}"),

@@ -1,0 +1,10 @@
+"""Predict what the notebook of a study compares with its trials."""
+
+import logging
+
+from ankleloop.jobs.job import running
+from ankleloop.jobs.predictions import predict
+
+with running(snakemake):
+    logging.captureWarnings(True)  # of pilots: into the log
+    predict(snakemake.output.table, snakemake.wildcards.study, **snakemake.params.arguments)
