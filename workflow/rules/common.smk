@@ -186,8 +186,7 @@ def article_files(study, folder):
     """Files of a study that the article shows; results may be in a folder into which a storage copies them."""
     return {
         "table_file": folder + table_file(study),
-        "table": f"{folder}results/tables/{study.name}.csv",
-        "report": f"{folder}results/reports/{study.name}.html",
+        "summary": f"{folder}results/tables/{study.name}.csv",
         "figures": {
             name: f"{folder}results/figures/{study.name}-{name}.png"
             for name in captions_of(study)

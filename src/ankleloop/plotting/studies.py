@@ -29,6 +29,12 @@ from ankleloop.plotting.style import (
 
 RATIO_LIMITS = (0.7, 50.0)  # of the axis of errors over the bound
 ORDERS = 10  # singular values that are drawn
+# Against the true torques; what lies above the level is shown on a scale of its own, too.
+VAF_PANELS = {
+    torque: Panel("VAF [%]", f"{torque} torque", limits=(-160.0, 100.4))
+    for torque in ("net", "intrinsic", "reflex")
+}
+VAF_LEVEL = 90.0  # %
 
 
 def curves_figure(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
+import re
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 
@@ -18,6 +19,8 @@ from ankleloop.trials.files import atomic_file, write_csv
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"
 SEPARATOR = "-without-"  # in the name of a method: method, step
+NO_INTERVAL = " (nan … nan)"  # behind a value
+NO_VALUE = re.compile(r"\+?\bnan\b( ± nan)?")
 OMISSION_COLUMNS = [
     "vaf_net_measured",
     "vaf_intrinsic_true",
@@ -48,11 +51,24 @@ def format_pairs(
     ]
 
 
-def format_columns(table: pd.DataFrame, names: Iterable[str], template: str) -> pd.DataFrame:
-    """Columns of numbers as text."""
-    return table.assign(
-        **{name: format_pairs(table[name], table[name], template) for name in names}
-    )
+def format_rows(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Text made of the columns of each row, by a template for each heading.
+
+    A dash stands where there is no value, a mean with its margin included; an interval that a value does not have is
+    left out. So is a column without any value, such as one of what the table does not have.
+
+    Examples
+    --------
+    >>> table = pd.DataFrame({"method": ["riv", "pr"], "K": [150.0, np.nan], "margin": [2.0, np.nan]})
+    >>> format_rows(table, {"method": "{method}", "K [N·m/rad]": "{K:.1f} ± {margin:.1f}"}).to_numpy().tolist()
+    [['riv', '150.0 ± 2.0'], ['pr', '–']]
+    """
+    cells = pd.DataFrame(index=table.index)
+    rows = [defaultdict(lambda: np.nan, row) for row in table.to_dict("records")]
+    for heading, template in columns.items():
+        texts = [template.format_map(row).replace(NO_INTERVAL, "") for row in rows]
+        cells[heading] = [NO_VALUE.sub("–", text) for text in texts]
+    return cells.loc[:, cells.ne("–").any()]
 
 
 def format_means(
@@ -83,7 +99,7 @@ def compare_with_published(
 def format_table(table: pd.DataFrame, labels: Labels) -> pd.DataFrame:
     """A table as people read it: labels for methods, mean ± half its 95 % interval, difference to the paper, counts."""
     cells = table.drop(columns=["paper", "mean", "sd", "n", *COUNTS])
-    cells["method"] = table["method"].map(labels)
+    cells["method"] = table["method"].replace(dict(labels))
     settings = cells.select_dtypes("number").columns
     cells[settings] = cells[settings].map("{:g}".format).astype(object)
     margins = confidence_margin(table["sd"], table["n"])

@@ -115,22 +115,24 @@ def mean_scores(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 
 
 def curve_means(
-    table: pd.DataFrame, columns: Mapping[str, str], by: Sequence[str] = ()
+    table: pd.DataFrame, columns: Mapping[str, str], x: str = "x", by: Sequence[str] = ()
 ) -> pd.DataFrame:
     """Means as figures take them: a panel for each of some columns, over `x`, for each `series` of a table of trials.
 
     `columns` are the quantities by panel, `by` further columns that make groups.
     """
-    keys = [*by, "series", "x"]
+    keys = [*by, "series", x]
     panels = pd.DataFrame({"panel": list(columns), "quantity": list(columns.values())})
     quantities = list(dict.fromkeys(columns.values()))
     rows = panels.merge(means(table, keys, quantities), on="quantity")
     order = {name: number for number, name in enumerate(dict.fromkeys(table["series"]))}
-    shown = rows[[*by, "panel", "series", "x"]].copy()
-    shown["value"] = rows["mean"]
-    shown["low"] = rows["mean"] - rows["margin"]
-    shown["high"] = rows["mean"] + rows["margin"]
-    shown["trials"] = rows["n"]
-    shown["marked"] = mark_faults(rows)
-    shown["failed"] = rows["failures"] == rows["trials"]
+    shown = rows[[*by, "panel", "series"]].assign(
+        x=rows[x],
+        value=rows["mean"],
+        low=rows["mean"] - rows["margin"],
+        high=rows["mean"] + rows["margin"],
+        trials=rows["n"],
+        marked=mark_faults(rows),
+        failed=rows["failures"] == rows["trials"],
+    )
     return shown.sort_values(["series", "x"], key=lambda column: column.replace(order))

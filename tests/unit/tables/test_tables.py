@@ -9,6 +9,7 @@ from ankleloop.tables.comparisons import (
     compare_with_bound,
     compare_with_published,
     format_means,
+    format_rows,
     format_table,
 )
 from ankleloop.tables.means import COUNTS
@@ -57,6 +58,23 @@ def test_means_stand_with_half_of_their_interval():
     ]
     errors = format_means(summary, "K", "{:+.1f} ± {:.2f}", truth=pd.Series([150.0, 150.0, 150.0]))
     assert errors == [f"+2.0 ± {margin / 1.5:.2f}", "+0.0 ± –", "–"]
+
+
+def test_rows_of_a_table_as_text():
+    """A mean without a value is a dash, a name that holds "nan" is none; an interval that is not there is left out."""
+    table = pd.DataFrame({"method": ["dominant", "riv"], "K": [1.0, np.nan], "sd": np.nan})
+    columns = {
+        "method": "{method}",
+        "error": "{K:+.1f} ± {sd:.1f}",
+        "interval": "{K:g} ({sd:g} … {sd:g})",
+        "paper": "{sd:g} → {K:.1f}",
+        "empty": "{sd:.1f}",
+        "absent": "{G:.1f}",
+    }
+    cells = format_rows(table, columns)
+    assert list(cells) == ["method", "error", "interval", "paper"]
+    assert cells.loc[0].to_list() == ["dominant", "+1.0 ± –", "1", "– → 1.0"]
+    assert cells.loc[1].to_list() == ["riv", "–", "–", "– → –"]
 
 
 @pytest.fixture
