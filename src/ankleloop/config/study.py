@@ -172,7 +172,7 @@ class SimulatedStudy(Study):
     def prediction(self, draws: Mapping[str, int]) -> Values:
         """Arguments of `predict` besides the file and the study, for numbers of seeds by the kind of prediction."""
         points = {point.name: self.conditions[point.condition] for point in self.point_list}
-        return {"points": points, "draws": draws, "settings": _hash(points, draws)}
+        return {"points": points, "draws": draws, "settings": hash_settings(points, draws)}
 
     @cached_property
     def hashes(self) -> list[str]:
