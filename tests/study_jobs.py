@@ -26,7 +26,7 @@ def run_jobs(study, folder):
     trial_files = [folder / f"trials-{number}.nc" for number in range(len(study.trial_files))]
     for path, parts in zip(trial_files, study.trial_files, strict=True):
         write_trials(path, study.name, precision=settings.precision, **study.simulation(parts))
-    estimates, scores = [], {}
+    estimates, scores = [], []
     for chunk, parts in enumerate(study.chunks):
         arguments = study.identification(chunk)
         if settings.keep == "everything":
@@ -40,7 +40,7 @@ def run_jobs(study, folder):
             files["estimates"] = folder / f"estimates-{chunk}.parquet"
             estimates.append(str(files["estimates"]))
         identify_trials(trials, files, study.name, **arguments)
-        scores[files["scores"]] = study.hashes[chunk]
+        scores.append(files["scores"])
     table = folder / f"{study.name}-trials.parquet"
-    join_tables(table, scores, study.rows, study.hash, table.with_suffix(".csv"))
+    join_tables(table, scores, study.rows, table.with_suffix(".csv"))
     return SimpleNamespace(table=table, scores=scores, estimates=estimates, trials=trial_files)

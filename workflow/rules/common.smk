@@ -1,4 +1,6 @@
 # The configuration, the studies that it describes, and what several rules take of them.
+import hashlib
+import json
 import os
 import sys
 import tempfile
@@ -11,7 +13,7 @@ from ankleloop.config.run import (
     read_run,
     report_parameters,
 )
-from ankleloop.config.study import RecordedStudy, SimulatedStudy, hash_settings
+from ankleloop.config.study import RecordedStudy, SimulatedStudy
 from snakemake.logging import logger
 
 MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too
@@ -217,7 +219,7 @@ def settings_file(study, job, *settings):
     A dry run leaves the file as it is, and writes the new one into a folder that goes when it ends.
     """
     path = Path("results", "settings", study.name, f"{job}.txt")
-    text = hash_settings(*settings)
+    text = hashlib.sha256(json.dumps(settings, default=str).encode()).hexdigest()
     if not path.exists() or path.read_text() != text:
         if workflow.output_settings.dryrun:
             path = Path(OF_DRY_RUN.name, path)

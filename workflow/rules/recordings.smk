@@ -6,7 +6,11 @@ rule recordings:
             local(path) for path in study_of(w).existing_paths(int(w.chunk))
         ],
         settings=lambda w: settings_file(
-            study_of(w), f"scores/{w.chunk}", study_of(w).hashes[int(w.chunk)]
+            study_of(w),
+            f"scores/{w.chunk}",
+            study_of(w).chunks[int(w.chunk)],
+            study_of(w).analysed_methods,
+            study_of(w).describe()["figure"],
         ),
     output:
         table="results/scores/{study}/{chunk}.parquet",
@@ -27,7 +31,6 @@ rule recordings:
         points=lambda w: study_of(w).chunks[int(w.chunk)],
         methods=lambda w: study_of(w).analysed_methods,
         figure=lambda w: study_of(w).settings.figure.model_dump(),
-        settings=lambda w: study_of(w).hashes[int(w.chunk)],
         library=library("workflow/scripts/recordings.py"),
     script:
         "../scripts/recordings.py"

@@ -38,7 +38,10 @@ rule identify:
     input:
         trials=trial_file_of,
         settings=lambda w: settings_file(
-            study_of(w), f"scores/{w.chunk}", study_of(w).hashes[int(w.chunk)]
+            study_of(w),
+            f"scores/{w.chunk}",
+            study_of(w).simulation(study_of(w).chunks[int(w.chunk)]),
+            study_of(w).identification(int(w.chunk)),
         ),
     output:
         estimates="results/estimates/{study}/{chunk}.parquet",
@@ -110,7 +113,7 @@ rule predict:
 rule table:
     input:
         chunks=lambda w: chunk_files("scores", study_of(w)),
-        settings=lambda w: settings_file(study_of(w), "table", study_of(w).hash),
+        settings=lambda w: settings_file(study_of(w), "table", study_of(w).chunks),
     output:
         table="results/tables/{study}-trials.parquet",
     log:
@@ -126,9 +129,7 @@ rule table:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        hashes=lambda w: study_of(w).hashes,
         rows=lambda w: study_of(w).rows,
-        settings=lambda w: study_of(w).hash,
         library=library("workflow/scripts/table.py"),
     script:
         "../scripts/table.py"

@@ -27,4 +27,4 @@ with running(snakemake):
             print(f"{name} refused: {outcome['reasons'].iloc[0]}", file=sys.stderr)
     table = pd.concat(tables, ignore_index=True).replace("", None)
     rows = pa.Table.from_pandas(table, preserve_index=False)
-    save_table(rows, snakemake.output.table, snakemake.params.settings)
+    save_table(rows, snakemake.output.table)

@@ -4,6 +4,6 @@ from ankleloop.jobs.job import running
 from ankleloop.tables.trial_tables import join_tables
 
 with running(snakemake):
-    params, output = snakemake.params, snakemake.output
-    chunks = dict(zip(snakemake.input.chunks, params.hashes, strict=True))
-    join_tables(output.table, chunks, params.rows, params.settings, output.get("text"))
+    output = snakemake.output
+    rows = snakemake.params.rows
+    join_tables(output.table, snakemake.input.chunks, rows, output.get("text"))

@@ -6,8 +6,6 @@ changes the last chunk alone, and an edited value the chunk that holds it.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import re
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -151,38 +149,23 @@ class SimulatedStudy(Study):
     def identification(self, chunk: int) -> Values:
         """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
         conditions = {}
-        parts = self.chunks[chunk]
-        for condition, first, stop in parts:
+        for condition, first, stop in self.chunks[chunk]:
             points = {
                 point.name: {"values": point.values, "options": point.options}
                 for point in self._points_of[condition]
             }
             conditions[condition] = {"first": first, "stop": stop, "points": points}
-        arguments = {
+        return {
             "conditions": conditions,
             "methods": self.identified_methods,
             "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
             **self.settings.model_dump(include={"against", "precision"}),
         }
-        return {
-            **arguments,
-            "settings": hash_settings(self.name, self.simulation(parts), arguments),
-        }
 
     def prediction(self, draws: Mapping[str, int]) -> Values:
         """Arguments of `predict` besides the file and the study, for numbers of seeds by the kind of prediction."""
         points = {point.name: self.conditions[point.condition] for point in self.point_list}
-        return {"points": points, "draws": draws, "settings": hash_settings(points, draws)}
-
-    @cached_property
-    def hashes(self) -> list[str]:
-        """Hash of the settings that make the table of each chunk."""
-        return [self.identification(chunk)["settings"] for chunk in range(len(self.chunks))]
-
-    @property
-    def hash(self) -> str:
-        """Hash of the settings that make the table of the study."""
-        return hash_settings(*self.hashes)
+        return {"points": points, "draws": draws}
 
 
 def split_trials(
@@ -212,12 +195,6 @@ def split_trials(
     return chunks
 
 
-def hash_settings(*values: Any) -> str:
-    """Hash of settings, by which a result knows what made it."""
-    text = json.dumps(values, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 class RecordedStudy(Study):
     """A study of recordings of a laboratory."""
 
@@ -229,12 +206,6 @@ class RecordedStudy(Study):
             name: {**method.model_dump(exclude={"options"}), "options": method.fixed_options}
             for name, method in settings.methods.items()
         }
-
-    @cached_property
-    def hashes(self) -> list[str]:
-        """Hash of the settings that make the table of each chunk."""
-        shared = (self.analysed_methods, self.settings.figure.model_dump())
-        return [hash_settings(chunk, *shared) for chunk in self.chunks]
 
     @cached_property
     def points(self) -> dict[str, Values]:  # type: ignore[override]

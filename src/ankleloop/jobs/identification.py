@@ -53,7 +53,6 @@ def identify_trials(
     methods: Mappings,
     kinds: Mapping[str, str],
     *,
-    settings: str = "",
     against: Literal["measured"] | None = None,
     precision: str = "double",
 ) -> pa.Table:
@@ -98,7 +97,7 @@ def identify_trials(
     table = pa.concat_tables([*tables, as_table(waiting, types)], promote_options="default")
     if estimates is not None:
         estimates.write(files["estimates"], overwrite=True)
-    save_table(table, files["scores"], settings)
+    save_table(table, files["scores"])
     return table
 
 

@@ -71,11 +71,10 @@ def predict(
     study: str,
     points: Mapping[str, Mapping[str, Any]],
     draws: Mapping[str, int],
-    settings: str,
 ) -> None:
     """Write the predictions for all points: a row for each point, kind and seed; numbers are columns.
 
-    `points` are settings of the simulation, `draws` numbers of seeds by kind, `settings` their hash.
+    `points` are settings of the simulation, `draws` numbers of seeds by kind.
     """
     rows = []
     for (point, values), (kind, count) in product(points.items(), draws.items()):
@@ -86,4 +85,4 @@ def predict(
                 rows.append({"point": point, "kind": kind, "seed": seed, **prediction})
                 log.info("%s: %s, seed %d", point, kind, seed)
     table = pd.DataFrame(rows, columns=None if rows else KEYS)
-    save_table(pa.Table.from_pandas(table, preserve_index=False), path, settings)
+    save_table(pa.Table.from_pandas(table, preserve_index=False), path)

@@ -1,7 +1,6 @@
 """The table of the trials of a study: a row for each point, method and trial, in one Parquet file.
 
 The job of a chunk writes its rows with their types; the table of the study is those of all chunks, one below the other.
-Each file holds the hash of the settings that made it.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ from ankleloop.tables.outcomes import Labels
 from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_csv
 from ankleloop.trials.reading_process import name_errors
 
-HASH = b"settings"  # key of the hash of the settings that made a file
 REMEDY = "delete it, and run again"
 FAULT_COLUMNS = ("failure", "warnings")  # the last ones
 TEXT_COLUMNS = ("study", "point", "method", "reference", "intervals", *FAULT_COLUMNS)
@@ -52,45 +50,31 @@ def as_table(rows: Sequence[Mapping[str, Any]], types: Mapping[str, pa.DataType]
     return pa.table(columns)
 
 
-def save_table(table: pa.Table, path: PathLike, settings: str) -> None:
-    """Write the table of a job with the hash of the settings that made it."""
-    table = table.replace_schema_metadata({HASH: settings})
+def save_table(table: pa.Table, path: PathLike) -> None:
+    """Write the table of a job."""
     with atomic_file(path, overwrite=True) as partial:
         parquet.write_table(table, partial, compression="zstd", write_page_checksum=True)
 
 
-def read_hash(path: PathLike) -> str:
-    """Hash of the settings that made a table; empty where there is none."""
-    metadata = _read_schema(path).metadata or {}
-    return metadata.get(HASH, b"").decode()
-
-
 def join_tables(
-    path: PathLike,
-    chunks: Mapping[PathLike, str],
-    rows: int,
-    settings: str,
-    text: PathLike | None = None,
+    path: PathLike, chunks: Sequence[PathLike], rows: int, text: PathLike | None = None
 ) -> None:
-    """Join the tables of all chunks, each with the hash that it should have.
+    """Join the tables of all chunks.
 
     Neither rows nor their order depend on how the trials are divided into chunks.
     """
-    for chunk, expected in chunks.items():
-        if read_hash(chunk) != expected:
-            raise DataError(f"{chunk}: the table was made with other settings: {REMEDY}.")
-    schema = pa.unify_schemas([_read_schema(chunk).remove_metadata() for chunk in chunks])
+    schema = pa.unify_schemas(list(map(_read_schema, chunks)))
     schema = pa.schema([schema.field(name) for name in _order_columns(schema.names)])
     files = dataset.dataset([os.fspath(chunk) for chunk in chunks], schema=schema)
     table = files.to_table(use_threads=False)
     if len(table) != rows:
         raise DataError(
-            f"{next(iter(chunks))} …: they have {len(table)} of {rows} rows: delete them, and run again."
+            f"{chunks[0]} …: they have {len(table)} of {rows} rows: delete them, and run again."
         )
     reasons = set(table["failure"].unique().to_pylist())
     if None not in reasons:
         raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
-    save_table(table, path, settings)
+    save_table(table, path)
     if text is not None:
         write_csv(table.to_pandas(integer_object_nulls=True), text, overwrite=True)
 

@@ -74,7 +74,7 @@ def test_another_method_or_option_simulates_nothing_again():
 def jobs(study):
     """What the jobs of each chunk depend on."""
     return [
-        (study.simulation(parts)["conditions"], study.hashes[chunk])
+        (study.simulation(parts)["conditions"], study.identification(chunk))
         for chunk, parts in enumerate(study.chunks)
     ]
 

@@ -54,7 +54,6 @@ def run_job(folder, tmp_path, monkeypatch):
                 points=study.chunks[0],
                 methods=study.analysed_methods,
                 figure=study.settings.figure.model_dump(),
-                settings=study.hashes[0],
             ),
             output=SimpleNamespace(
                 folder=str(tmp_path / "pages"), table=str(tmp_path / "table.parquet")

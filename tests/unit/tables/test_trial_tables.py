@@ -9,7 +9,7 @@ from ankleloop import DataError
 from ankleloop.config.study import read_studies
 from ankleloop.methods.registry import METHODS
 from ankleloop.quantities import point_column
-from ankleloop.tables.trial_tables import join_tables, read_hash, read_results, read_trial_table
+from ankleloop.tables.trial_tables import join_tables, read_results, read_trial_table
 
 UNSTABLE = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0}
 POINTS = [
@@ -125,32 +125,11 @@ def test_text_that_a_spreadsheet_would_compute_gets_a_quote(tmp_path):
     assert set(read_trial_table(tmp_path / "=small-trials.parquet")["study"]) == {"=small"}
 
 
-def join(results, path, **changes):
-    study = read_study()
-    arguments = {"rows": study.rows, "settings": study.hash}
-    join_tables(path, results.scores, **arguments | changes)
-
-
-def test_a_table_of_other_settings_is_refused(results, tmp_path):
-    (tmp_path / "old.parquet").write_text("old")
-    other = read_study(seed=2)
-    assert not set(other.hashes) & set(results.scores.values())
-    assert [read_hash(path) for path in results.scores] == list(results.scores.values())
-    results.scores, scores = dict(zip(results.scores, other.hashes, strict=True)), results.scores
-    with pytest.raises(
-        DataError, match=r"scores-0\.parquet: the table was made with other settings: delete it"
-    ):
-        join(results, tmp_path / "old.parquet")
-    results.scores = scores
-    assert (tmp_path / "old.parquet").read_text() == "old"
-    assert read_hash(results.table) == read_study().hash
-
-
 def test_missing_rows_and_missing_files_are_refused(results, tmp_path):
     with pytest.raises(DataError, match=r"have 54 of 55 rows"):
-        join(results, tmp_path / "t.parquet", rows=55)
+        join_tables(tmp_path / "t.parquet", results.scores, rows=55)
     with pytest.raises(DataError, match="there is no such file"):
-        join_tables(tmp_path / "t.parquet", {tmp_path / "scores-9.parquet": ""}, [], 1, "")
+        join_tables(tmp_path / "t.parquet", [tmp_path / "scores-9.parquet"], rows=1)
     assert not list(tmp_path.iterdir())
 
 
@@ -170,4 +149,4 @@ def test_a_damaged_table_is_refused(table, tmp_path, place):
         read_trial_table(tmp_path / "t.parquet")
     (tmp_path / "t.parquet").write_bytes(table.read_bytes()[:-100])
     with pytest.raises(DataError, match="not a readable table of trials"):
-        read_hash(tmp_path / "t.parquet")
+        read_trial_table(tmp_path / "t.parquet", ["study"])
