@@ -23,13 +23,11 @@ from ankleloop.jobs.recordings import analyse_recordings
 from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.plotting.recordings import recordings_figure
 from ankleloop.plotting.style import save_figure
-from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.files import SUFFIXES
-from ankleloop.recordings.recommendation import format_with_interval
+from ankleloop.recordings.recommendation import PARAMETERS, format_parameters
 from ankleloop.recordings.validity import usual_methods
 from ankleloop.trials.files import write_csv
 
-COLUMNS = ("vaf_unseen", "K", "B", "I", "G")  # of the tables on the terminal
 TABLE, FIGURE = "recordings.csv", "recordings-figure"  # of several recordings
 
 
@@ -131,7 +129,7 @@ def show_results(table: pd.DataFrame, folder: Path) -> None:
     if first["verdict"] == "refused":
         echo(first["reasons"])
     if not valid.empty:
-        cells = _format_parameters(valid)
+        cells = format_parameters(valid)
         cells[""] = np.where(valid["trusted"], "", "warning")
         echo(f"\n{cells.set_index(valid['label']).rename_axis(None).to_string()}")
     for _, row in table[table["verdict"] != "refused"].drop(valid.index).iterrows():
@@ -152,7 +150,7 @@ def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
     write_csv(table, folder / TABLE, overwrite=True)
     recommended = table[table["recommended"].eq(True)]
     if not recommended.empty:
-        cells = _format_parameters(recommended)
+        cells = format_parameters(recommended)
         cells.insert(0, "loop", recommended["loop"])
         cells.insert(1, "recommended", recommended["label"])
         echo(f"\n{cells.set_index(recommended['recording']).rename_axis(None).to_string()}")
@@ -163,7 +161,7 @@ def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
     echo(f"all methods          {folder / TABLE}")
     if recommended.empty:
         return folder / TABLE
-    names = [name for name in COLUMNS if recommended[name].notna().any()]
+    names = [name for name in PARAMETERS if recommended[name].notna().any()]
     save_figure(recordings_figure(recommended, names), folder / FIGURE, overwrite=True)
     picture = folder / f"{FIGURE}.png"
     echo(f"recommended methods  {picture}")
@@ -172,16 +170,3 @@ def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
 
 def _style_verdict(row: pd.Series) -> str:
     return click.style(row["verdict"], fg=COLOURS[row["verdict"]])
-
-
-def _format_parameters(table: pd.DataFrame) -> pd.DataFrame:
-    """Score and parameters of estimates with their intervals, under the headings of the terminal."""
-    return pd.DataFrame(
-        {
-            QUANTITIES[column].label: [
-                format_with_interval(row, column) for _, row in table.iterrows()
-            ]
-            for column in COLUMNS
-        },
-        index=table.index,
-    )

@@ -157,7 +157,7 @@ def estimates_figure(
     Intervals are from `low` to `high`, or `margin` around the value. Arrow heads stand for values beyond the limits.
     `levels` are further lines in all panels, by their labels, with their looks.
     """
-    styles = styles or ordinal_styles(table["series"])
+    styles = styles or ordinal_styles(table["series"].dropna())
     if "margin" in table:
         low = table["value"] - table["margin"]
         high = table["value"] + table["margin"]

@@ -156,17 +156,18 @@ def recordings_figure(table: pd.DataFrame, names: Sequence[str]) -> DataFigure:
     """Parameters of all recordings with their 95 % intervals: a panel for each, a row for a recording.
 
     A ring marks estimates with a warning. They may be anywhere: the axes are those of the others, and arrow heads
-    stand for what is beyond.
+    stand for what is beyond. A recording without an estimate has an empty row.
     """
     rows = table.apply(_name_recording, axis="columns")
     trusted = table["trusted"].eq(True)
+    labels = table["label"].astype("string")
     parts = []
     panels = {}
     for name in names:
         values = table.reindex(columns=[name, f"{name}_low", f"{name}_high"])
         values = values.set_axis(["value", "low", "high"], axis="columns")
-        part = pd.DataFrame({"panel": name, "row": rows, "series": table["label"], **values})
-        parts.append(part.assign(marked=~trusted & table[name].notna()))
+        part = pd.DataFrame({"panel": name, "row": rows, "series": labels, **values})
+        parts.append(part.assign(marked=~trusted & part["value"].notna()))
         shown = values[trusted if trusted.any() else ~trusted]
         low = shown.min(axis=None)
         high = shown.max(axis=None)

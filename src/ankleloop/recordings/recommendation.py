@@ -21,6 +21,7 @@ METHOD_COLUMNS = (
     "variation_p",
     "incomplete",
 )
+PARAMETERS = ("vaf_unseen", "K", "B", "I", "G")  # of a table of several estimates
 NO_TEXT = ("", float("nan"))  # cells without a text
 VARIATION_LEVEL = 0.05  # of the test whether anything varies
 CHANGES = {
@@ -187,6 +188,16 @@ def format_with_interval(row: pd.Series, name: str) -> str:
     if pd.isna(value):
         return "–"
     return f"{value:.4g}" if pd.isna(low) else f"{value:.4g} ({low:.4g} … {high:.4g})"
+
+
+def format_parameters(table: pd.DataFrame) -> pd.DataFrame:
+    """Score and parameters of estimates with their intervals: a row for each row of a table, with its index."""
+    rows = [row for _, row in table.iterrows()]
+    cells = {
+        QUANTITIES[name].label: [format_with_interval(row, name) for row in rows]
+        for name in PARAMETERS
+    }
+    return pd.DataFrame(cells, index=table.index)
 
 
 def describe_variations(analysis: Analysis) -> dict[str, str]:

@@ -115,3 +115,15 @@ def test_recordings_have_a_row_each_with_their_intervals():
     )  # of those to be trusted; the other one is an arrow head
     assert legend(figure) == ["riv", "with failures or warnings"]
     assert figure.data["marked"].tolist() == [False, False, True]
+
+
+def test_a_recording_without_an_estimate_has_an_empty_row():
+    """Also where no recording has one: a study always has its figure."""
+    some = recordings(K=[100.0, 120.0, np.nan], label=["riv", "PR", None])
+    none = recordings(K=np.nan, K_low=np.nan, K_high=np.nan, label=np.nan, trusted=False)
+    for table, methods in ((some, ["riv", "PR"]), (none, [])):
+        figure = recordings_figure(table, ["K"])
+        (axis,) = figure.axes
+        assert [label.get_text() for label in axis.get_yticklabels()] == ["A1", "A2", "A3"]
+        assert legend(figure) == methods
+        assert figure.data["row"].tolist() == ["A1", "A2", "A3"]
