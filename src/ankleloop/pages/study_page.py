@@ -84,13 +84,17 @@ class StudyPage(SimpleNamespace):
             )
 
     def show_figure(
-        self, figure: Figure, name: str, caption: str, note: str = "", *, width: int = 980
+        self, figure: Figure, name: str, caption: str, note: str | None = "", *, width: int = 980
     ) -> None:
-        """Save a figure, and show it with its caption; settings, warnings and a note are folded below."""
+        """Save a figure, and show it with its caption; settings, warnings and a note are folded below.
+
+        Without a note (None) nothing is.
+        """
         self.check_figure(name)
         save_figure(figure, f"{self.figure_stem}-{name}", overwrite=True)
         show_picture(f"{self.figure_stem}-{name}.png", caption, width)
-        display(self.fold(note))
+        if note is not None:
+            display(self.fold(note))
 
     def check_figure(self, name: str) -> None:
         """Refuse a figure that the list of notebooks does not have: nobody would find it among the results."""

@@ -10,7 +10,7 @@ import yaml
 
 from ankleloop.paper import judgement
 from ankleloop.paper.checks import CHECKS, Case, MissingEvidence, Row, StudyResults
-from ankleloop.tables.comparisons import format_number, format_pairs
+from ankleloop.tables.comparisons import format_pairs, format_rows
 from ankleloop.trials.files import PathLike
 
 VERDICTS = {
@@ -96,26 +96,21 @@ def count_held(ledger: pd.DataFrame) -> str:
 
 def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
     """The ledger as a table for people."""
-    rows = []
-    for row in ledger.itertuples():
-        condition = f" Condition: {row.conditions}." if row.verdict == judgement.CONDITIONAL else ""
-        difference = format_number(row.difference, "+.3g")
-        if pd.notna(row.difference_low):
-            difference += f" ({row.difference_low:+.3g} … {row.difference_high:+.3g})"
-        cells = {
-            "id": row.id,
-            "section": row.section,
-            "statement": row.statement,
-            "unit": row.unit,
-            "paper": format_number(row.paper),
-            "ours": format_number(row.ours, margin=row.uncertainty),
-            "difference": difference,
-            "tolerance": format_number(row.tolerance, "g"),
-            "verdict": row.verdict,
-            "reason": row.reason + condition,
-        }
-        rows.append(cells)
-    return pd.DataFrame(rows)
+    is_conditional = ledger["verdict"] == judgement.CONDITIONAL
+    conditions = (" Condition: " + ledger["conditions"] + ".").where(is_conditional, "")
+    columns = {
+        "id": "{id}",
+        "section": "{section}",
+        "statement": "{statement}",
+        "unit": "{unit}",
+        "paper": "{paper:.4g}",
+        "ours": "{ours:.4g} ± {uncertainty:.2g}",
+        "difference": "{difference:+.3g} ({difference_low:+.3g} … {difference_high:+.3g})",
+        "tolerance": "{tolerance:g}",
+        "verdict": "{verdict}",
+        "reason": "{reason}",
+    }
+    return format_rows(ledger.assign(reason=ledger["reason"] + conditions), columns)
 
 
 def read_conclusions(path: PathLike) -> Conclusions:

@@ -19,8 +19,8 @@ from ankleloop.trials.files import atomic_file, write_csv
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"
 SEPARATOR = "-without-"  # in the name of a method: method, step
-NO_INTERVAL = " (nan … nan)"  # behind a value
-NO_VALUE = re.compile(r"\+?\bnan\b( ± nan)?")
+NO_INTERVAL = re.compile(r" (± nan|\(\+?nan … \+?nan\))")  # behind a value
+NO_VALUE = re.compile(r"\+?\bnan\b")
 OMISSION_COLUMNS = [
     "vaf_net_measured",
     "vaf_intrinsic_true",
@@ -54,8 +54,8 @@ def format_pairs(
 def format_rows(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
     """Text made of the columns of each row, by a template for each heading.
 
-    A dash stands where there is no value, a mean with its margin included; an interval that a value does not have is
-    left out. So is a column without any value, such as one of what the table does not have.
+    A dash stands where there is no value, also of what the table does not have; an interval that a value does not have
+    is left out.
 
     Examples
     --------
@@ -66,9 +66,9 @@ def format_rows(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame
     cells = pd.DataFrame(index=table.index)
     rows = [defaultdict(lambda: np.nan, row) for row in table.to_dict("records")]
     for heading, template in columns.items():
-        texts = [template.format_map(row).replace(NO_INTERVAL, "") for row in rows]
+        texts = [NO_INTERVAL.sub("", template.format_map(row)) for row in rows]
         cells[heading] = [NO_VALUE.sub("–", text) for text in texts]
-    return cells.loc[:, cells.ne("–").any()]
+    return cells
 
 
 def format_means(
