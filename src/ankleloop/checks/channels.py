@@ -55,8 +55,6 @@ def check_clipping(trial: PreparedTrial, name: str) -> Finding:
 def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
     """Samples at an end of the range and the first one of their longest run, where the channel is clipped; or zeros."""
     at_end = np.flatnonzero(x == end)
-    if at_end.size < CLIPPED_RUN:
-        return 0, 0
     starts, lengths = _find_runs(at_end)
     longest = np.argmax(lengths)
     if lengths[longest] < CLIPPED_RUN:
@@ -101,13 +99,9 @@ def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
     Shapes: returns (rests, 2).
     """
     x = trial.samples[name]
-    shortest = SHORTEST_REST * trial.rate - 1
-    repeats = np.flatnonzero(x[1:] == x[:-1])
-    if repeats.size < shortest:
-        return repeats[:0]
-    starts, lengths = _find_runs(repeats)
+    starts, lengths = _find_runs(np.flatnonzero(x[1:] == x[:-1]))
     runs = np.stack([starts, starts + lengths + 1], axis=1)
-    rests = runs[lengths >= shortest]
+    rests = runs[lengths >= SHORTEST_REST * trial.rate - 1]
     witness = "reference" if "reference" in trial.trial else "torque"
     if name == "torque":
         witness = "position"

@@ -33,7 +33,6 @@ DISCARDED_SHARE = 1e-6  # of the largest singular value
 class FeedbackTest:
     """Outcome of the test."""
 
-    loop: str  # "closed", "open" or "undecided"
     p_value: float  # probability of such a coherence if torque did not move the joint
     # Mean squared coherence of the movement that the reference does not explain with the torque that the movement
     # does not explain.
@@ -43,6 +42,13 @@ class FeedbackTest:
     bias: float  # bias of K by least squares that feedback causes [% of K]
     margin: float  # half width of its 98 % interval [% of K]
     duration: float  # length of the segments that were tested [s]
+
+    @property
+    def loop(self) -> str:
+        """The outcome: "closed", "open" or "undecided"."""
+        if self.p_value < SIGNIFICANCE and self.work > 0.0:
+            return "closed"
+        return "open" if self.limit < LARGEST_BIAS else "undecided"
 
     @property
     def limit(self) -> float:
@@ -145,19 +151,12 @@ def feedback_test(
     p_value, mean_coherence, work = _test_coherence(projection, length, rate)
     difference, half_width = _bound_bias(projection, length)
     percent = 100.0 / abs(fit_stiffness(records) - difference)
-    bias = difference * percent
-    margin = half_width * percent
-    if p_value < SIGNIFICANCE and work > 0.0:
-        loop = "closed"
-    else:
-        loop = "open" if abs(bias) + margin < LARGEST_BIAS else "undecided"
     return FeedbackTest(
-        loop=loop,
         p_value=p_value,
         coherence=mean_coherence,
         work=work,
-        bias=bias,
-        margin=margin,
+        bias=difference * percent,
+        margin=half_width * percent,
         duration=segments * SEGMENT_DURATION,
     )
 

@@ -195,10 +195,8 @@ def _describe_course(course: Course, time: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _as_attribute(value: Any) -> Any:
-    """A setting as a file can hold it: flags as numbers, tables as text."""
-    if isinstance(value, tuple):
-        return ", ".join(map(repr, value))
-    return int(value) if isinstance(value, bool) else value
+    """A setting as a trial can hold it: tables as text."""
+    return ", ".join(map(repr, value)) if isinstance(value, tuple) else value
 
 
 def _check_seed(seed: Any) -> int | np.random.SeedSequence:

@@ -72,8 +72,9 @@ def write_groups(
 def read_groups(path: PathLike, variable: str) -> dict[str, Fields]:
     """Read a file of groups."""
     path = _check_suffix(path)
-    remedy = "restore it from a copy, or write it again"
-    with readable_file(path, f"{path.suffix} file", remedy) as readable:
+    with readable_file(
+        path, f"{path.suffix} file", "restore it from a copy, or write it again"
+    ) as readable:
         is_mat = path.suffix == ".mat"
         groups = _read_mat(readable, variable) if is_mat else _read_netcdf(readable)
     return {

@@ -82,8 +82,9 @@ def load_trial(path: PathLike) -> xr.Dataset:
     ankleloop.errors.DataError: nowhere.nc: there is no such file: check the path.
     """
     path = check_path("load_trial", "path", path)
-    remedy = "restore it from a copy, or write it with save_trial"
-    with readable_file(path, "NetCDF-4 file", remedy) as file:
+    with readable_file(
+        path, "NetCDF-4 file", "restore it from a copy, or write it with save_trial"
+    ) as file:
         # Decoding by the CF conventions could change samples and attributes.
         trial = xr.load_dataset(file, engine="h5netcdf", decode_cf=False).drop_encoding()
         trial.attrs = {name: as_plain(value) for name, value in trial.attrs.items()}
@@ -137,10 +138,6 @@ def load_rows(path: PathLike, index: Sequence[tuple[str, int]] | None = None) ->
     """Read all trials of a file, or those of some points and numbers."""
     with _open(path) as (rows, read):
         for point, number in rows if index is None else index:
-            if (point, number) not in rows:
-                raise DataError(
-                    f"{path} has no trial {number} of the point {point!r}: delete the file, and simulate again."
-                )
             yield point, number, read(point, number)
 
 
