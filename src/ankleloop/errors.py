@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 
-class DataError(ValueError):
+class RemediedError(Exception):
+    """An error that knows the options that would help.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, where, and what to do.
+    remedy : mapping of str to object, optional
+        Values of options by name, as `read_trial` and the commands have them: None where only the user knows the value.
+    """
+
+    def __init__(self, message: str, remedy: Mapping[str, Any] | None = None) -> None:
+        super().__init__(message)
+        self.remedy = dict(remedy or {})
+
+
+class DataError(RemediedError, ValueError):
     """Data that cannot be used: the message says what is wrong, where, and what to do.
 
     Examples
@@ -16,6 +33,8 @@ class DataError(ValueError):
     Traceback (most recent call last):
       ...
     ankleloop.errors.DataError: trial: position is not finite at sample 2 (0.002 s), 1 sample in all: cut the trial ...
+    >>> DataError("a.csv: there is no sampling rate.", remedy={"sampling_rate": None}).remedy
+    {'sampling_rate': None}
     """
 
 
@@ -33,7 +52,7 @@ class UnstableLoopError(ValueError):
     """
 
 
-class ResourceError(RuntimeError):
+class ResourceError(RemediedError, RuntimeError):
     """Disk, memory or time that is short: it stops a job, and says nothing about the data."""
 
 

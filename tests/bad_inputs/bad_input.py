@@ -33,6 +33,8 @@ class BadInput:
         Class of the error; None where the library does not refuse the input.
     status : int or None
         Exit status, where the call runs a command.
+    remedy : dict or None
+        Options that the error asks for, with their values.
     """
 
     wrong: str
@@ -41,6 +43,7 @@ class BadInput:
     says: tuple[str, ...]
     error: type[BaseException] | None
     status: int | None
+    remedy: dict[str, Any] | None = None
 
     def check(self, folder: Path) -> None:
         """Make the input in a folder, call the library, and compare what it does with what it must do."""
@@ -57,6 +60,7 @@ class BadInput:
             message = str(caught.value)
             assert caught.type is self.error, f"{caught.type.__name__}: {message}"
             assert len(message) <= LONGEST, message
+            assert getattr(caught.value, "remedy", {}) == (self.remedy or {})
         for text in self.says:
             assert text in message, f"{text!r} is not in: {message}"
         assert read_files(folder) == before, "the call has written, changed or removed a file"
@@ -81,7 +85,8 @@ def rows_of(
         call: Callable[[Any], Any] = usual,
         error: type[BaseException] | None = error,
         status: int | None = None,
+        remedy: dict[str, Any] | None = None,
     ) -> BadInput:
-        return BadInput(wrong, make, call, says, error, status)
+        return BadInput(wrong, make, call, says, error, status, remedy)
 
     return row

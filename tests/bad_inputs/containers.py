@@ -67,6 +67,7 @@ ROWS = [
         "mat: two rates",
         mat_file(sample_rate=1000.0),
         "stated as 1000 Hz, but sample_rate and fs runs at 500 Hz",
+        remedy={"sampling_rate": None},
     ),
     row(
         "hdf5: cut off",
@@ -79,6 +80,7 @@ ROWS = [
         group_file,
         "a.h5: no variable is called position or pos",
         "position/samples",
+        remedy={"position": None},
     ),
     row(
         "hdf5: degrees",
@@ -86,6 +88,7 @@ ROWS = [
         "position is in 'deg'",
         "pass position_unit='deg'",
         call=in_radians,
+        remedy={"position_unit": "deg"},
     ),
     row(
         "hdf5: position in V",
@@ -99,9 +102,13 @@ ROWS = [
         "position is in 'rad'",
         "position_unit='rad'",
         call=in_degrees,
+        remedy={"position_unit": "rad"},
     ),
     row(
-        "hdf5: two rates", hdf5_file(fs=np.array([500.0, 500.0])), "a.h5: there is no sampling rate"
+        "hdf5: two rates",
+        hdf5_file(fs=np.array([500.0, 500.0])),
+        "a.h5: there is no sampling rate",
+        remedy={"sampling_rate": None},
     ),
     row(
         "netcdf: no value",

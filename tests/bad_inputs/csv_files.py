@@ -79,6 +79,7 @@ ROWS = [
         table(csv_text().replace(",", ";")),
         "a.csv: no variable is called position or pos or angle or theta",
         "Name one",
+        remedy={"position": None},
     ),
     row(
         "a column twice",
@@ -113,6 +114,7 @@ ROWS = [
         table(csv_text(NO_TIMES)),
         "there is no sampling rate",
         "pass sampling_rate in Hz",
+        remedy={"sampling_rate": None},
     ),
     row(
         "a gap in time",
@@ -127,19 +129,25 @@ ROWS = [
         GAP,
     ),
     row(
-        "a wrong rate", csv_file(), "stated as 1000 Hz, but time runs at 500 Hz", call=read_at_1_khz
+        "a wrong rate",
+        csv_file(),
+        "stated as 1000 Hz, but time runs at 500 Hz",
+        call=read_at_1_khz,
+        remedy={"sampling_rate": None},
     ),
     row(
         "degrees",
         csv_file(position=570 * POSITION),
         "a.csv: position moves at",
         "pass position_unit='deg'",
+        remedy={"position_unit": "deg"},
     ),
     row(
         "a spike in the position",
         csv_file(position=changed(POSITION, 60, 3.0)),
         "a.csv: position moves",
         "a spike",
+        remedy={"position_unit": "deg"},
     ),
     row(
         "a constant torque",

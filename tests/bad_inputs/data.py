@@ -99,7 +99,7 @@ made = rows_of(
 )
 
 ROWS = [
-    made("position and torque swapped", None, "position moves at"),
+    made("position and torque swapped", None, "position moves at", remedy={"position_unit": "deg"}),
     identified("torque of the wrong sign", TURNED, "sign"),
     identified(
         "position of the wrong sign", record(lambda x: {"position": -x["position"]}), "sign"

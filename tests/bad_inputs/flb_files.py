@@ -49,7 +49,12 @@ row = rows_of(read_trial)
 read_case_3 = partial(read_trial, case=3)
 
 ROWS = [
-    row("several cases, and none is named", text_file("a.flb", 2 * WHOLE), CASES),
+    row(
+        "several cases, and none is named",
+        text_file("a.flb", 2 * WHOLE),
+        CASES,
+        remedy={"case": None},
+    ),
     row(
         "no such case",
         text_file("a.flb", 2 * WHOLE),

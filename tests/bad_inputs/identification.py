@@ -45,10 +45,10 @@ def option(wrong: str, *says: str, **options) -> BadInput:
     return rows_of(partial(identify, **options), ValueError)(wrong, good_trial, *says)
 
 
-def of_cycles(wrong: str, onsets, *says: str, **settings) -> BadInput:
+def of_cycles(wrong: str, onsets, *says: str, remedy=None, **settings) -> BadInput:
     """A row of a joint that changes with the phase of cycles."""
     return rows_of(partial(identify, method="riv-tv", cycle_onsets=onsets))(
-        wrong, trial_of(variation="cycle", **settings), *says
+        wrong, trial_of(variation="cycle", **settings), *says, remedy=remedy
     )
 
 
@@ -164,7 +164,13 @@ ROWS = [
     of_cycles("onsets that are not sorted", UNSORTED, "onset 5 of 15", "sort them"),
     of_cycles("onsets in milliseconds", 1000 * ONSETS, "not milliseconds or samples"),
     of_cycles("three cycles", ONSETS[:4], "too few whole cycles", "Record more"),
-    of_cycles("a phase that is not there", "gait", "no variable 'gait'", "it has"),
+    of_cycles(
+        "a phase that is not there",
+        "gait",
+        "no variable 'gait'",
+        "it has",
+        remedy={"variables": None},
+    ),
     of_cycles(
         "a perturbation that is locked to the cycle",
         "phase",

@@ -97,6 +97,7 @@ ROWS = [
         "a.nc",
         "exists already",
         "overwrite=True",
+        remedy={"overwrite": True},
     ),
     saved("a trial into no folder", missing("results/a.nc"), "there is no folder", "make it first"),
     exported("an export with an unknown suffix", missing("e.txt"), "e.txt", ".mat"),

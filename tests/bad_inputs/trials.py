@@ -49,6 +49,7 @@ ROWS = [
         {"position": 2865 * POSITION},
         "trial: position moves at",
         "pass position_unit='deg'",
+        remedy={"position_unit": "deg"},
     ),
     row("times", {"time": POSITION}, "trial: time is made from sampling_rate", "do not pass it"),
     row(

@@ -22,15 +22,12 @@ from ankleloop.checks.movement import (
     project_records,
     reference_correlations,
     regress_torque_by_reference,
-    turned_signs,
 )
 from ankleloop.checks.reference import find_reference_faults
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Grid, Regressors
 from ankleloop.trials.trial import REQUIRED
-
-MOTION_CHECKS = (check_scale, check_size, check_relation)
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,7 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
         ]
         place = name_trial(number, len(trials))
         warnings += [f"{place}{finding.text}" for finding in findings]
-    warnings += [finding.text for finding in _check_references(trials, use)]
+    warnings += _check_references(trials, use)
     if warnings:  # what a fault of a channel excites, or does not, says little
         return warnings
     velocities = []
@@ -82,14 +79,13 @@ def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str
         if finding.name == "scale" and finding.verdict != "ok":
             raise DataError(finding.text)
     motion = motion_products(trial, grid)
-    turned_sign = turned_signs(trial.trial)["torque_sign"]
-    sign = check_sign(motion.stiffness, motion.explained, turned_sign)
+    sign = check_sign(trial, motion.stiffness, motion.explained)
     if sign.verdict != "ok" and reference != "position" and reference in trial.trial:
         # Least squares may be off by fed-back torque; what the reference explains is not.
         record = rectifier_regressors(trial, delay, rate, reference)
         if check_reference([record]).verdict == "ok":
             ((stiffness, explained),) = regress_torque_by_reference(project_records([record]))
-            sign = check_sign(stiffness, explained, turned_sign)
+            sign = check_sign(trial, stiffness, explained)
     return [finding for finding in (*findings, sign) if finding.verdict != "ok"]
 
 
@@ -103,7 +99,9 @@ def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Findin
         *(check(trial, name) for check in CHANNEL_CHECKS for name in REQUIRED),
         check_velocity(trial, delay),
         check_bandwidth(trial),
-        *(check(trial, motion) for check in MOTION_CHECKS),
+        check_scale(trial, motion),
+        check_size(motion),
+        check_relation(trial, motion),
     ]
 
 
@@ -116,13 +114,13 @@ def rectifier_regressors(
     )
 
 
-def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Finding]:
-    """Findings about the reference that are not ok; of one that explains nothing the identification is refused."""
+def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
+    """Warnings about the reference; with one that explains nothing the identification is refused."""
     name = use.reference
     if name is None or name == "position" or not all(name in trial.trial for trial in trials):
         return []  # without the variable the method says so itself
     rate = use.identification_rate
-    findings = []
+    warnings = []
     for trial in trials:
         later, position, torque = reference_correlations(trial, trial.grid(rate, use.delay), name)
         if torque > 1.0 - COPY_SHARE:
@@ -130,11 +128,10 @@ def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Fin
                 f"{name} is the torque itself, which is no instrument: give the command of the servo as reference."
             )
         if position > 1.0 - COPY_SHARE**2:
-            text = (
+            warnings.append(
                 f"{name} is a copy of the position, so the results hold only if the loop is open: give the command of "
                 "the servo as reference, or say reference='position'."
             )
-            findings.append(Finding("reference", "warning", text))
         if later > STRONG_SHARE:
             continue
         finding = check_reference([rectifier_regressors(trial, use.delay, rate, name)])
@@ -144,8 +141,8 @@ def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[Fin
         if finding.verdict == "refused":
             raise DataError(finding.text)
         if finding.verdict == "warning":
-            findings.append(finding)
-    return list(dict.fromkeys(findings))
+            warnings.append(finding.text)
+    return list(dict.fromkeys(warnings))
 
 
 def refuse_repeated_trials(trials: Sequence[PreparedTrial]) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 VERDICTS = ("ok", "warning", "refused")
 
@@ -20,11 +21,14 @@ class Finding:
         Whether the recording passes.
     text : str
         Reason, with numbers and what to do.
+    remedy : mapping of str to object
+        Options of `read_trial` or of a command that would help, with their values, as a `DataError` has them.
     """
 
     name: str
     verdict: str
     text: str
+    remedy: Mapping[str, Any] = field(default_factory=dict)
 
 
 def name_trial(number: int, trials: int) -> str:

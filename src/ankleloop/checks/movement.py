@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
-import xarray as xr
 
 from ankleloop.checks.findings import Finding
 from ankleloop.errors import DataError
@@ -135,7 +134,7 @@ def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
     )
 
 
-def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
+def check_size(motion: MotionProducts) -> Finding:
     """Position and torque of a size that a joint can have, in rad and N·m."""
     position, torque = motion.deviations
     ratio = torque / position if position > 0.0 else inf
@@ -150,16 +149,14 @@ def check_size(_: PreparedTrial, motion: MotionProducts) -> Finding:
     )
 
 
-def turned_signs(trial: xr.Dataset) -> dict[str, int]:
+def turned_signs(trial: PreparedTrial) -> dict[str, int]:
     """Signs that turn position and torque round, as options of `read_trial`: the opposite of those it was read with."""
     names = ("position_sign", "torque_sign")
-    return {name: 1 if trial.attrs.get(name) == -1 else -1 for name in names}
+    return {name: 1 if trial.trial.attrs.get(name) == -1 else -1 for name in names}
 
 
-def check_sign(stiffness: np.ndarray, explained: float, turned_sign: int = -1) -> Finding:
+def check_sign(trial: PreparedTrial, stiffness: np.ndarray, explained: float) -> Finding:
     """Positive stiffness; by instruments in closed loop, where least squares can give a negative one by its bias.
-
-    The torque has the right sign if it is read with `torque_sign` set to `turned_sign`.
 
     Shapes: stiffness (3,).
     """
@@ -167,11 +164,13 @@ def check_sign(stiffness: np.ndarray, explained: float, turned_sign: int = -1) -
     numbers = [f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items()]
     text = f"a second-order model without reflex has {', '.join(numbers)}"
     if values["K"] < 0.0 and (values["I"] < 0.0 or explained > SIGN_SHARE):
+        turned_sign = turned_signs(trial)["torque_sign"]
         return Finding(
             "sign of the torque",
             "refused",
             f"{text}: the torque has the other sign. Set torque_sign: {turned_sign} (turn round the torque, not the "
             "position: the rectifier would see the wrong half).",
+            {"torque_sign": turned_sign},
         )
     return Finding("sign of the torque", "ok", f"{text}: the torque opposes stretch.")
 

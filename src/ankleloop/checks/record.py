@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import xarray as xr
 
 from ankleloop.checks.findings import Finding
 from ankleloop.checks.movement import select_references
+from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.spectra import coherence, segment_spectra
@@ -22,10 +22,10 @@ COHERENT_WIDTH = 4.0  # Hz up to which the movement must be coherent with the to
 LONGEST_SEGMENT = 512  # samples of a spectrum: about five seconds
 
 
-def check_length(trials: Sequence[xr.Dataset], identification_rate: float) -> Finding:
+def check_length(trials: Sequence[PreparedTrial], identification_rate: float) -> Finding:
     """Length of a trial, or of all trials that are merged."""
-    rates = sorted({float(trial.attrs["sampling_rate"]) for trial in trials})
-    durations = [trial.sizes["time"] / float(trial.attrs["sampling_rate"]) for trial in trials]
+    rates = sorted({trial.rate for trial in trials})
+    durations = [trial.time.size / trial.rate for trial in trials]
     total = sum(durations)
     text = f"{total:.4g} s at {' and '.join(f'{rate:g}' for rate in rates)} Hz, without gaps"
     if len(trials) > 1:
@@ -104,5 +104,6 @@ def check_drift(record: Regressors) -> Finding:
             "drift",
             "warning",
             f"{text}: remove it (drift, the degree of a polynomial), and look at its cause.",
+            {"drift": 1},
         )
     return Finding("drift", "ok", f"{text}.")

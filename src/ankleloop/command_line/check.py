@@ -42,7 +42,7 @@ def check(file: Path, **values: Any) -> int:
             f"{click.style(f'{finding.verdict:>8}', fg=COLOURS[finding.verdict])}  {finding.name}: {finding.text}"
         )
     words = click.get_current_context().obj
-    show_correction(" ".join(result.reasons), words)
+    show_correction(result.remedy, words)
     if result.verdict == "refused":
         return 1
     show_next(shlex.join(["ankleloop", "identify", *words[1:]]))

@@ -113,8 +113,7 @@ def identify(
             analysis.show_results(table, folder)
         others = {str(file) for file in files if file != path}
         words = [word for word in context.obj if word not in others]
-        texts = table.filter(["reasons", "warnings"]).to_numpy().ravel()
-        show_correction(" ".join(map(str, texts)), words)
+        show_correction(table.attrs["remedy"], words)
         tables.append(table)
     page = analysis.write_summary(tables, folder) if several else folder / f"{study.name}.html"
     show_next(f"open {page}")

@@ -73,29 +73,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return end.exit_code
         except click.ClickException as error:  # of the options
             error.show()
-            show_correction(error.message, words)
+            show_correction(getattr(error, "remedy", {}), words)
             return USAGE
         except (click.Abort, KeyboardInterrupt):
             echo("\ninterrupted.", err=True)
             return INTERRUPTED
         except DataError as error:
-            show_error(str(error), words)
+            show_error(str(error))
+            show_correction(error.remedy, words)
             return DATA
         except MemoryError as error:
             show_error(
-                f"out of memory ({error}): take a shorter part of the recording (start, stop).",
-                words,
+                f"out of memory ({error}): take a shorter part of the recording (start, stop)."
             )
+            show_correction({"start": None, "stop": None}, words)
         except (ResourceError, OSError) as error:
             show_error(
-                f"{error}: look after the disk, the folder and its permissions, and try again.",
-                words,
+                f"{error}: look after the disk, the folder and its permissions, and try again."
             )
+            show_correction(getattr(error, "remedy", {}), words)
         except Exception as error:
             traceback.print_exception(error)
             show_error(
-                "this is a mistake in ankleloop, not in your data: please report the lines above.",
-                (),
+                "this is a mistake in ankleloop, not in your data: please report the lines above."
             )
         else:
             return status if isinstance(status, int) else DONE

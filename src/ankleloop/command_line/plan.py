@@ -10,7 +10,14 @@ import click
 
 from ankleloop.command_line.check import check_file
 from ankleloop.command_line.reading import FILE, map_file, reading_options
-from ankleloop.command_line.terminal import echo, show_correction, show_error, show_next
+from ankleloop.command_line.terminal import (
+    echo,
+    list_words,
+    name_option,
+    show_correction,
+    show_error,
+    show_next,
+)
 from ankleloop.options import check_number
 
 HELP = "Half-width of a 95 % interval over the value: of K, B, I, G, omega_n or zeta; several times for several."
@@ -66,22 +73,17 @@ def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
     if trial is None or result.verdict == "refused" or "riv" not in result.methods:
         reasons = " ".join(result.reasons)
         fault = "riv is not valid for this recording: record the command of the servo."
-        show_error(reasons or fault, words)
+        show_error(reasons or fault)
+        show_correction(result.remedy, words)
         return 1
     pilot = identify(trial, "riv", **result.methods["riv"])
     echo(f"\n{pilot!r}\n\n{plan_duration(pilot, widths)}")
-    show_correction(" ".join(pilot.diagnostics["warnings"]), words)
-    show_next(shlex.join(["ankleloop", "check", "RECORDING", *_repeat_options(values)]))
+    show_correction(pilot.diagnostics.get("remedy", {}), words)
+    # The recording is read as its pilot was.
+    settings = {
+        name_option(name): value
+        for name, value in values.items()
+        if name not in PILOT_ONLY and value is not None and value is not False
+    }
+    show_next(shlex.join(["ankleloop", "check", "RECORDING", *list_words(settings)]))
     return 0
-
-
-def _repeat_options(values: dict[str, Any]) -> list[str]:
-    """Options that a recording is read with as its pilot was."""
-    words = []
-    for name, value in values.items():
-        if value is None or value is False or name in PILOT_ONLY:
-            continue
-        words.append(f"--{name.replace('_', '-')}")
-        if value is not True:
-            words.append(str(value))
-    return words

@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import click
 
-from ankleloop.command_line.terminal import echo
+from ankleloop.command_line.terminal import echo, name_option
 from ankleloop.config.recording_settings import Recording
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import CHANNELS
@@ -52,9 +52,7 @@ def reading_options(command: Command) -> Command:
         elif kinds <= {int, float}:
             parse = click.FLOAT if float in kinds else click.INT
         metavar = METAVARS.get(name) or (unit.upper() if unit != "1" else None)
-        option = click.option(
-            f"--{name.replace('_', '-')}", name, type=parse, metavar=metavar, help=text
-        )
+        option = click.option(name_option(name), name, type=parse, metavar=metavar, help=text)
         command = option(command)
     return command
 
@@ -96,11 +94,11 @@ def _find_variables(path: Path, options: Recording) -> dict[str, Variable]:
     try:
         return read_channels(path, options.case, "find", variables=options.names)
     except DataError as error:
-        unknown = re.search(r"(?:may|would) be the (position|torque|reference)[:;]", str(error))
-        if unknown is None:
+        unknown = error.remedy.keys() & CHANNELS
+        if not unknown:
             raise
-        option = f"--{unknown[1]} NAME"
-        if unknown[1] == "reference":
+        option = f"--{unknown.pop()} NAME"
+        if "reference" in error.remedy:
             option += ", or --no-reference"
         raise click.UsageError(f"{error} Option that decides: {option}.") from None
 

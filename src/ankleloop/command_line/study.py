@@ -20,7 +20,7 @@ from ankleloop.command_line.reading import (
     name_recordings,
     reading_options,
 )
-from ankleloop.command_line.terminal import echo, find_options, refuse_existing, show_next
+from ankleloop.command_line.terminal import echo, refuse_existing, show_next
 from ankleloop.options import suggest_name
 
 Values = dict[str, Any]  # by name
@@ -105,8 +105,7 @@ def _describe_recordings(files: Sequence[Path], values: Values) -> tuple[Values,
     for name, file in name_recordings(files).items():
         recording = map_file(file, **values)
         _, check = check_file(file, recording)
-        asked = find_options(" ".join(check.reasons))
-        if values.get("torque_sign") is None and "--torque-sign" in asked:
+        if values.get("torque_sign") is None and "torque_sign" in check.remedy:
             recording = recording.model_copy(update={"torque_sign": -1})
             remark = f"{name}: torque_sign is -1: as the file has it, the torque does not oppose stretch."
             remarks.append(remark)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import logging
 import os
-import re
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,19 +14,20 @@ import click
 
 COLOURS = {"ok": "green", "warning": "yellow", "refused": "red"}
 PROGRESS = "ankleloop.recordings.analysis"  # the logger that says which method is being fitted
-# What messages ask for, the option that gives it, and its value: what only the user knows is in capitals.
-REMEDIES = (
-    (r"pass sampling_rate", "--sampling-rate", "HZ"),
-    (r"position_unit='(\w+)'", "--position-unit", "{}"),
-    (r"position_sign[:=] ?(-?1)", "--position-sign", "{}"),
-    (r"torque_sign[:=] ?(-?1)", "--torque-sign", "{}"),
-    (r"the option case", "--case", "NUMBER"),
-    (r"variables of read_trial", "--variables", "NAME=VARIABLE"),
-    (r"\(drift, ", "--drift", "1"),
-    (r"\(start, stop\)", "--start", "S"),
-    (r"\(start, stop\)", "--stop", "S"),
-    (r"overwrite(?:=True| replaces)", "--overwrite", ""),
-)
+# What only the user knows, by the options that need it.
+PLACEHOLDERS = {
+    "sampling_rate": "HZ",
+    "case": "NUMBER",
+    "variables": "NAME=VARIABLE",
+    "start": "S",
+    "stop": "S",
+}
+
+
+class ExistingFileError(click.UsageError):
+    """Wrong usage: a file would be replaced."""
+
+    remedy: Mapping[str, Any] = {"overwrite": True}
 
 
 def echo(text: str = "", *, err: bool = False) -> None:
@@ -43,10 +43,9 @@ def echo(text: str = "", *, err: bool = False) -> None:
             os.dup2(silence.fileno(), stream.fileno())
 
 
-def show_error(text: str, words: Sequence[str]) -> None:
-    """Show why a command of some words ends, and the command that its message asks for."""
+def show_error(text: str) -> None:
+    """Show why a command ends."""
     echo(f"{click.style('error', fg='red', bold=True)}: {text}", err=True)
-    show_correction(text, words)
 
 
 def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
@@ -60,41 +59,48 @@ def show_next(step: str) -> None:
     echo(f"{click.style('next', fg='cyan')}: {step}", err=True)
 
 
-def show_correction(text: str, words: Sequence[str]) -> None:
-    """Show the command of some words with the options that a message asks for, if it asks for any."""
-    options = find_options(text)
-    command = ["ankleloop", *words]
-    for option, value in options.items():
-        command = _set_option(command, option, value)
-    if options:
-        show_next(shlex.join(command))
+def show_correction(remedy: Mapping[str, Any], words: Sequence[str]) -> None:
+    """Show the command of some words with the options of a remedy, if there is one."""
+    if remedy:
+        show_next(shlex.join(["ankleloop", *correct(words, remedy)]))
 
 
-def find_options(text: str) -> dict[str, str]:
-    """Options that a message asks for, with their values; that of a flag is empty."""
-    options = {}
-    for pattern, option, value in REMEDIES:
-        match = re.search(pattern, text)
-        if match:
-            options[option] = value.format(*match.groups())
-    return options
+def correct(words: Sequence[str], remedy: Mapping[str, Any]) -> list[str]:
+    """Words of a command with the options of a remedy, each in the place of what the user gave for it."""
+    settings = {
+        name_option(name): PLACEHOLDERS[name] if value is None else value
+        for name, value in remedy.items()
+    }
+    end = words.index("--") if "--" in words else len(words)  # of the options
+    kept = []
+    rest = iter(words[:end])
+    for word in rest:
+        option, equals, _ = word.partition("=")
+        if option not in settings:
+            kept.append(word)
+        elif not equals and settings[option] is not True:
+            next(rest, None)  # its value
+    return [*kept, *list_words(settings), *words[end:]]
 
 
-def _set_option(words: Sequence[str], option: str, value: str) -> list[str]:
-    """Words of a command with an option at their end, in the place of the same option with another value."""
-    command = [word for word in words if not word.startswith(f"{option}=")]
-    setting = [option, value] if value else [option]
-    if option in command:
-        place = command.index(option)
-        del command[place : place + len(setting)]
-    return command + setting
+def name_option(name: str) -> str:
+    """Option of a command by the name of its value."""
+    return f"--{name.replace('_', '-')}"
+
+
+def list_words(settings: Mapping[str, Any]) -> list[str]:
+    """Words of options with their values; a flag is true."""
+    words = []
+    for option, value in settings.items():
+        words += [option] if value is True else [option, str(value)]
+    return words
 
 
 def refuse_existing(paths: Sequence[os.PathLike[str]]) -> None:
     """Refuse to replace files."""
     for path in paths:
         if os.path.lexists(path):
-            raise click.UsageError(
+            raise ExistingFileError(
                 f"{path}: the file exists already. --overwrite replaces it, or write elsewhere."
             )
 

@@ -55,9 +55,11 @@ def analyse_recordings(
                 try:
                     table = pool.submit(analyse_one, name, mapping).result()
                 except BrokenProcessPool:
-                    cause = "the process of the analysis was killed: most often memory was short"
-                    remedy = "free memory, or take a shorter part of the recording (start, stop)"
-                    raise ResourceError(f"{cause}; {remedy}.") from None
+                    raise ResourceError(
+                        "the process of the analysis was killed: most often memory was short; free memory, or take a "
+                        "shorter part of the recording (start, stop).",
+                        remedy={"start": None, "stop": None},
+                    ) from None
             yield name, table
 
 

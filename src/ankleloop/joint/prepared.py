@@ -18,10 +18,6 @@ from ankleloop.signals.decimation import decimate, decimation_factor, differenti
 from ankleloop.signals.responses import predict_decimated
 from ankleloop.trials.trial import validate
 
-NO_REFERENCE = (
-    "Give the command of the servo as reference, or reference='position' for an open-loop record."
-)
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -88,13 +84,21 @@ class PreparedTrial:
         # memory, until Python next searches for reference cycles.
         self.computed: dict[Hashable, Any] = {}
 
-    def check_variable(
-        self, name: str, use: str = "to serve as reference", remedy: str = NO_REFERENCE
-    ) -> None:
-        """Refuse a variable that the trial does not have."""
-        if name not in self.trial:
-            known = ", ".join(map(str, self.trial))
-            raise DataError(f"the trial has no variable {name!r} {use}; it has {known}. {remedy}")
+    def check_variable(self, name: str, option: str | None = None) -> None:
+        """Refuse a variable that the trial does not have: the reference, or what another option names."""
+        if name in self.trial:
+            return
+        known = ", ".join(map(str, self.trial))
+        if option is None:
+            raise DataError(
+                f"the trial has no variable {name!r} to serve as reference; it has {known}. Give the command of the "
+                "servo as reference, or reference='position' for an open-loop record."
+            )
+        raise DataError(
+            f"the trial has no variable {name!r} for {option}; it has {known}. Name one of these, or read another one "
+            "with the trial: variables of read_trial, a further array of new_trial.",
+            remedy={"variables": None},
+        )
 
     def grid(self, identification_rate: float, delay: float) -> Grid:
         """Grid of all decimated samples that no filter edge touches; see `decimation_grid`."""

@@ -26,10 +26,6 @@ SAME_PHASE = 1e-4
 # Share of its fast changes that a scheduling variable may have in common with the position.
 LARGEST_COMMON_SHARE = 0.5
 PHASE_FALL = -0.5  # of a phase from 0 to 1, where a cycle begins
-NO_VARIABLE = (
-    "Name one of these, or read another one with the trial: variables of read_trial, a further "
-    "array of new_trial."
-)
 # Unit and name of what parameters vary with.
 COORDINATES = {
     "phase": ("1", "phase of the cycle"),
@@ -120,7 +116,7 @@ def _read_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndar
     """Onsets as they are given [s]; where a variable holds the phase, it tells where between two samples they are."""
     if not isinstance(onsets, str):
         return np.asarray(onsets, dtype=float)
-    trial.check_variable(onsets, "for cycle_onsets", NO_VARIABLE)
+    trial.check_variable(onsets, "cycle_onsets")
     phase = trial.samples[onsets]
     if phase.min() < -1e-6 or phase.max() > 1 + 1e-6:
         raise DataError(
@@ -208,7 +204,7 @@ def course_values(trial: PreparedTrial, grid: Grid, schedule: str | None) -> np.
     """Scheduling variable at the decimated samples, or, without one, their time from the first sample [s]."""
     if schedule is None:
         return trial.grid_times(grid) - trial.time[0]
-    trial.check_variable(schedule, "for schedule", NO_VARIABLE)
+    trial.check_variable(schedule, "schedule")
     return trial.channel(schedule, grid)
 
 

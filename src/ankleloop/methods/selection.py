@@ -119,6 +119,7 @@ def select_options(
     }
     halves = _halve(record, inputs)
     rows: list[dict[str, Any]] = []
+    errors: list[Exception] = []
     # By the number of the candidate, of those that could be fitted.
     losses: dict[int, np.ndarray] = {}
     for number, values in enumerate(itertools.product(*candidates.values())):
@@ -130,6 +131,7 @@ def select_options(
             by_criterion, warnings = _score(halves, fit_selected, options.get("cycle_onsets"))
         except (DataError, np.linalg.LinAlgError, ArithmeticError) as error:
             row["error"] = str(error)
+            errors.append(error)
         else:
             for name, part in by_criterion.items():
                 residual, torque = part.sum(axis=1)
@@ -138,7 +140,8 @@ def select_options(
             losses[number] = by_criterion[criterion][0]
     if not losses:
         raise DataError(
-            f"no candidate could be fitted; the first one failed with: {rows[0]['error']}"
+            f"no candidate could be fitted; the first one failed with: {errors[0]}",
+            getattr(errors[0], "remedy", {}),
         )
     without_warning = {k: loss for k, loss in losses.items() if not rows[k]["warnings"]}
     comparable = without_warning or losses

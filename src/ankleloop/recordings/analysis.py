@@ -65,6 +65,8 @@ class Analysis:
     table: pd.DataFrame = field(repr=False)
     # By the label of the method the torques of the second half: measured, and predicted by the fit to the first half.
     unseen: dict[str, list[xr.Dataset]] = field(default_factory=dict, repr=False)
+    # Values of the options that a refusal or the warnings of the methods ask for.
+    remedy: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
     def estimates(self) -> dict[str, Estimate]:
@@ -139,10 +141,12 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Specification]
             row |= {**scores, **described, "assumptions": assumptions}
             analysis.records[label] = estimates
             analysis.residuals[label] = test
+            analysis.remedy.update(estimates[0].diagnostics.get("remedy", {}))
             if unseen:
                 analysis.unseen[label] = unseen
         except NUMERICAL_ERRORS as error:
             row |= {"valid": False, "trusted": False, "warnings": describe_failure(error)}
+            analysis.remedy.update(getattr(error, "remedy", {}))
     return replace(analysis, table=pd.DataFrame(rows))
 
 
@@ -158,7 +162,7 @@ def refused_analysis(check: Check) -> Analysis:
     """Analysis of a recording that its check refuses."""
     reasons = " ".join(check.reasons)
     row = {"verdict": "refused", "reasons": reasons, "valid": False, "trusted": False}
-    return Analysis(check, {}, {}, pd.DataFrame([row]))
+    return Analysis(check, {}, {}, pd.DataFrame([row]), remedy=check.remedy)
 
 
 def largest_options(methods: Mapping[str, Specification]) -> dict[str, Any]:

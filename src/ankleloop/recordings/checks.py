@@ -21,7 +21,6 @@ from ankleloop.checks.movement import (
     motion_products,
     project_records,
     regress_torque_by_reference,
-    turned_signs,
 )
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
 from ankleloop.checks.reference import check_instrument
@@ -71,6 +70,11 @@ class Check:
     def reasons(self) -> list[str]:
         """Texts of all findings that are not ok."""
         return [finding.text for finding in self.findings if finding.verdict != "ok"]
+
+    @property
+    def remedy(self) -> dict[str, Any]:
+        """Values of the options that the findings ask for, None where only the user knows the value."""
+        return {name: value for f in self.findings for name, value in f.remedy.items()}
 
     @property
     def instrumental(self) -> bool:
@@ -131,13 +135,15 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         raise DataError("there are no trials to check.")
     trials = [prepare(part) for part in parts]
     refuse_repeated_trials(trials)
-    length = check_length([part.trial for part in trials], values.identification_rate)
+    length = check_length(trials, values.identification_rate)
     if length.verdict == "refused":
         return Check([length], "undecided", {})
     try:
         records = _make_records(trials, values)
     except DataError as error:
-        return Check([length, Finding("signals", "refused", str(error))], "undecided", {})
+        return Check(
+            [length, Finding("signals", "refused", str(error), error.remedy)], "undecided", {}
+        )
     signals = [
         check_signals(part, record.grid, values.delay)
         for part, record in zip(trials, records, strict=True)
@@ -177,7 +183,8 @@ def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> lis
         try:
             record = rectifier_regressors(trial, options.delay, options.identification_rate, name)
         except DataError as error:
-            raise DataError(f"{name_trial(number, len(trials))}{error}") from None
+            place = name_trial(number, len(trials))
+            raise DataError(f"{place}{error}", error.remedy) from None
         records.append(record)
     return records
 
@@ -195,7 +202,7 @@ def _check_sign(
         motions = [motion_products(trial, record.grid) for trial, record in pairs]
         fits = [(motion.stiffness, motion.explained) for motion in motions]
     signs = [
-        check_sign(stiffness, explained, turned_signs(trial.trial)["torque_sign"])
+        check_sign(trial, stiffness, explained)
         for trial, (stiffness, explained) in zip(trials, fits, strict=True)
     ]
     return merge_findings(signs)

@@ -78,27 +78,29 @@ def check_course(trial: xr.Dataset, mapping: RecordingValues) -> list[Finding]:
         grid = prepared.grid(options.identification_rate, options.delay)
         course = make_course(prepared, grid, onsets, schedule)
     except DataError as error:
-        return [Finding(name, "warning", str(error))]
+        return [Finding(name, "warning", str(error), error.remedy)]
     position = prepared.motion(grid)[0]
     return check_slow_movement(position, course, options.identification_rate, schedule)
 
 
 def refuse_recording(error: Exception) -> Analysis:
     """Analysis of a recording that cannot be used."""
-    finding = Finding("file", "refused", describe_failure(error))
+    remedy = getattr(error, "remedy", {})
+    finding = Finding("file", "refused", describe_failure(error), remedy)
     return refused_analysis(Check([finding], "undecided", {}))
 
 
 def tabulate_analysis(
     name: str, mapping: RecordingValues, analysis: Analysis, keys: Mapping[str, str]
 ) -> pd.DataFrame:
-    """Rows of an analysis for a table of many recordings."""
+    """Rows of an analysis for a table of many recordings; `attrs` of the table has the remedy."""
     groups = {group: mapping[group] for group in GROUPS}
     label, text = recommend(analysis)
     labels = analysis.table.reindex(columns=["label"])["label"].astype(object)
     table = analysis.table.assign(
         key=labels.map(keys), recommended=labels.eq(label), recommendation=text
     )
+    table.attrs["remedy"] = analysis.remedy
     for place, (column, value) in enumerate({"recording": name, **groups}.items()):
         table.insert(place, column, value)
     return table

@@ -63,7 +63,8 @@ def check_same_rate(
     if abs(measured_rate - stated_rate) > RATE_TOLERANCE * stated_rate:
         raise DataError(
             f"{source}: the sampling rate is stated as {stated_rate:.9g} Hz, but {name} runs at {measured_rate:.9g} "
-            "Hz: correct the one that is wrong, or pass sampling_rate."
+            "Hz: correct the one that is wrong, or pass sampling_rate.",
+            remedy={"sampling_rate": None},
         )
 
 

@@ -174,7 +174,8 @@ class FlbContents(Contents):
         if case is None and len(cases) > 1:
             listed = "; ".join(each.text for each in cases[:LISTED_CASES])
             raise DataError(
-                f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}."
+                f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.",
+                remedy={"case": None},
             )
         number = case or 1
         if number > len(cases):

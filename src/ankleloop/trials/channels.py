@@ -76,7 +76,8 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     source = contents.path.name
     if len(fitting) > 1:
         raise DataError(
-            f"{source}: {len(fitting)} variables may be the {channel}: {list_names(fitting)}. Name one of them."
+            f"{source}: {len(fitting)} variables may be the {channel}: {list_names(fitting)}. Name one of them.",
+            remedy={channel: None},
         )
     if fitting:
         return fitting[0]
@@ -86,7 +87,8 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     others = list_names(name for name in names if _has_samples(contents, name))
     raise DataError(
         f"{source}: no variable is called {words}, so that it would be the {channel}; the file has: {others}. Name one "
-        "of these."
+        "of these.",
+        remedy={channel: None},
     )
 
 
@@ -183,5 +185,6 @@ def _read_rate(variable: Variable, stated: float | None, *, source: str) -> floa
         return None
     unit = f" {variable.unit}" if variable.unit else ""
     raise DataError(
-        f"{source}: {variable.name} is {value!s:.60}{unit}, not a number in Hz: pass sampling_rate in Hz."
+        f"{source}: {variable.name} is {value!s:.60}{unit}, not a number in Hz: pass sampling_rate in Hz.",
+        remedy={"sampling_rate": None},
     )

@@ -56,7 +56,8 @@ def check_output(path: PathLike, *, overwrite: bool = False) -> Path:
         # Nothing is lost of an empty file.
         if not overwrite and os.path.lexists(path) and path.lstat().st_size > 0:
             raise DataError(
-                f"{path}: the file exists already: write to another name, or replace it by overwrite=True."
+                f"{path}: the file exists already: write to another name, or replace it by overwrite=True.",
+                remedy={"overwrite": True},
             )
     except OSError as cause:
         raise _write_error(path, cause) from cause
@@ -70,8 +71,9 @@ def _write_error(path: Path, cause: OSError) -> DataError | ResourceError:
         return ResourceError(
             f"{fault}: free space in the folder {path.parent}. Nothing has been changed."
         )
-    remedy = f"check its name, and that you may write to the folder {path.parent}"
-    return DataError(f"{fault}: {remedy}. Nothing has been changed.")
+    return DataError(
+        f"{fault}: check its name, and that you may write to the folder {path.parent}. Nothing has been changed."
+    )
 
 
 def _partial_path(path: Path) -> Path:

@@ -123,7 +123,8 @@ def _choose_rate(variables: Mapping[str, Variable], stated: float | None, *, sou
     if stated is None:
         raise DataError(
             f"{source}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
-            f"({', '.join(TIME_NAMES)}): pass sampling_rate in Hz."
+            f"({', '.join(TIME_NAMES)}): pass sampling_rate in Hz.",
+            remedy={"sampling_rate": None},
         )
     return stated
 
@@ -151,6 +152,7 @@ def _measure_rate(variable: Variable, samples: int, stated: float | None, *, sou
     elif factor is None and measured < LOWEST_JOINT_RATE:
         raise DataError(
             f"{source}: {variable.name} runs at {measured:.9g} Hz, too slow for a joint: is it in ms? Then call it "
-            "time_ms; or pass sampling_rate in Hz."
+            "time_ms; or pass sampling_rate in Hz.",
+            remedy={"sampling_rate": None},
         )
     return measured

@@ -80,20 +80,20 @@ def find_suffix(path: Path) -> str | None:
 
 
 @contextmanager
-def readable_file(path: PathLike, kind: str, remedy: str) -> Iterator[Path]:
+def readable_file(path: PathLike, kind: str, advice: str) -> Iterator[Path]:
     """Provide a file of this library that can be opened in this process.
 
     A file without a checksum (of an older version, or changed by another program) is opened by the other process first.
     """
     path = check_readable(path)
-    with name_errors(path, kind, remedy):
+    with name_errors(path, kind, advice):
         if not has_checksum(path):
             _ask(path, "try", None, {})
         yield path
 
 
 @contextmanager
-def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
+def name_errors(path: PathLike, kind: str, advice: str) -> Iterator[None]:
     """Say in plain words what is wrong with the contents of a file."""
     try:
         yield
@@ -101,7 +101,7 @@ def name_errors(path: PathLike, kind: str, remedy: str) -> Iterator[None]:
         raise
     except Exception as cause:
         raise DataError(
-            f"{path}: not a readable {kind} ({_describe(cause)}): it is damaged, or of another origin: {remedy}."
+            f"{path}: not a readable {kind} ({_describe(cause)}): it is damaged, or of another origin: {advice}."
         ) from cause
 
 
@@ -208,7 +208,7 @@ def _exchange(
             fault = f"it crashed the process that reads it, status {status}"
         raise UnreadableError(fault) from None
     if "refusal" in message:
-        raise DataError(message["refusal"])
+        raise DataError(message["refusal"], message["remedy"])
     if "reason" in message:
         raise UnreadableError(message["reason"])
     for text in message["warnings"]:
@@ -258,7 +258,7 @@ def _answer(pipe: Connection, request: dict[str, Any]) -> dict[str, Any]:
             pipe.send_bytes(numbers.tobytes())
         return {"warnings": contents.warnings}
     except DataError as error:
-        return {"refusal": str(error)}
+        return {"refusal": str(error), "remedy": error.remedy}
     except MemoryError:
         return {"reason": f"it needs more than {memory / 1e9:.1f} GB of memory"}
     except Exception as cause:  # the libraries raise almost anything on a damaged file

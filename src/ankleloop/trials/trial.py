@@ -266,7 +266,8 @@ def _check_samples(
         raise DataError(
             f"{source}: position moves at {speed:.4g} rad/s at sample {sample} ({start + sample / rate:g} s), above "
             f"{MAX_SPEED:g} rad/s: is the position in degrees? pass position_unit='deg', or convert it to rad; "
-            "otherwise look for a spike there."
+            "otherwise look for a spike there.",
+            remedy={"position_unit": "deg"},
         )
 
 
@@ -294,9 +295,9 @@ def _check_spread(name: str, low: float, high: float, size: int, source: str) ->
         largest = max(-low, high)
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
     if spread <= 1e-12 * largest:
-        remedy = "leave it out, or check" if name == "reference" else "check"
+        advice = "leave it out, or check" if name == "reference" else "check"
         raise DataError(
-            f"{source}: {name} is constant ({low:g} at all {format_samples(size)}): {remedy} the channel."
+            f"{source}: {name} is constant ({low:g} at all {format_samples(size)}): {advice} the channel."
         )
     if spread < SMALLEST_SPREAD:
         fault = f"varies by {spread:.3g}"

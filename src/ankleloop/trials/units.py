@@ -46,15 +46,17 @@ def check_unit(role: str, name: str, stated: str, position_unit: str, *, source:
         expected = position_unit
     if unit in ("", expected):
         return
+    remedy = {}
     if expected == "N·m":
-        remedy = ": convert it to N·m"
+        advice = ": convert it to N·m"
     elif unit in ANGLE_UNITS.values():
-        remedy = f", but position_unit is {position_unit!r}: pass position_unit={unit!r} to read_trial, or convert it"
+        remedy["position_unit"] = unit
+        advice = f", but position_unit is {position_unit!r}: pass position_unit={unit!r} to read_trial, or convert it"
     else:
-        remedy = ": convert it to rad or deg"
+        advice = ": convert it to rad or deg"
         if role == "reference":
-            remedy += ", or leave it out"
-    raise DataError(f"{source}: {name} is in {unit!r} according to the file{remedy}.")
+            advice += ", or leave it out"
+    raise DataError(f"{source}: {name} is in {unit!r} according to the file{advice}.", remedy)
 
 
 def time_factor(name: str, stated: str, *, source: str) -> float | None:

@@ -1,15 +1,19 @@
 """The command: help, exit statuses, messages, colours."""
 
 import os
+import pickle
 import subprocess
 import sys
 import warnings
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import ankleloop
+from ankleloop.command_line.check import check
 from ankleloop.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE
-from ankleloop.command_line.terminal import show_correction
+from ankleloop.command_line.terminal import correct, name_option, show_correction
 from ankleloop.errors import ResourceError
 
 MODULES = """
@@ -100,46 +104,87 @@ def test_warnings_of_the_library_are_lines(run, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("message", "options"),
+    ("remedy", "options"),
     [
-        ("pass sampling_rate in Hz.", "--sampling-rate HZ"),
-        ("there are 3 cases: choose one by the option case.", "--case NUMBER"),
-        ("pass position_unit='deg', or correct the file.", "--position-unit deg"),
-        ("take a shorter part of the recording (start, stop).", "--start S --stop S"),
-        ("the loop is closed: input_matrices='instruments'", ""),
-        ("sampling_rate is stated as 5 Hz, but fs is 6 Hz: leave sampling_rate out.", ""),
-        ("a drift of 7 %: remove it (drift, the degree of a polynomial)", "--drift 1"),
+        ({"sampling_rate": None}, "--sampling-rate HZ"),
+        ({"case": None}, "--case NUMBER"),
+        ({"variables": None}, "--variables NAME=VARIABLE"),
+        ({"position_unit": "deg"}, "--position-unit deg"),
+        ({"start": None, "stop": None}, "--start S --stop S"),
+        ({"drift": 1}, "--drift 1"),
+        ({"overwrite": True}, "--overwrite"),
+        ({}, ""),
     ],
 )
-def test_messages_name_the_command(capsys, message, options):
-    show_correction(message, ["check", "a b.csv"])
+def test_a_remedy_is_a_command_that_is_ready_to_copy(capsys, remedy, options):
+    show_correction(remedy, ["check", "a b.csv"])
     assert capsys.readouterr().err == (
         f"next: ankleloop check 'a b.csv' {options}\n" if options else ""
     )
 
 
-TURNED = "Set torque_sign: {} (turn round the torque)"
-REVERSED = "give position_sign={}, torque_sign={} to read_trial."
-
-
 @pytest.mark.parametrize(
-    ("words", "message", "options"),
+    ("words", "remedy", "corrected"),
     [
-        ([], TURNED.format(-1), "--torque-sign -1"),
-        (["--torque-sign", "-1"], TURNED.format(1), "--torque-sign 1"),
-        (["--torque-sign=-1", "--drift", "1"], TURNED.format(1), "--drift 1 --torque-sign 1"),
-        ([], REVERSED.format(-1, -1), "--position-sign -1 --torque-sign -1"),
+        ([], {"torque_sign": -1}, ["--torque-sign", "-1"]),
+        (["--torque-sign", "-1"], {"torque_sign": 1}, ["--torque-sign", "1"]),
         (
-            ["--torque-sign", "-1", "--drift", "1"],
-            REVERSED.format(-1, 1),
-            "--drift 1 --position-sign -1 --torque-sign 1",
+            ["--torque-sign=-1", "--drift", "1"],
+            {"torque_sign": 1},
+            ["--drift", "1", "--torque-sign", "1"],
         ),
-        (["--start", "5"], "take a shorter part (start, stop).", "--start S --stop S"),
+        (
+            ["--torque-sign", "1", "--torque-sign=1"],
+            {"position_sign": -1, "torque_sign": -1},
+            ["--position-sign", "-1", "--torque-sign", "-1"],
+        ),
+        (["--overwrite", "--start", "5"], {"overwrite": True}, ["--start", "5", "--overwrite"]),
+        (["--", "-a.csv"], {"drift": 1}, ["--drift", "1", "--", "-a.csv"]),
     ],
 )
-def test_a_corrected_command_has_each_option_once(capsys, words, message, options):
-    show_correction(message, ["check", "a.csv", *words])
-    assert capsys.readouterr().err == f"next: ankleloop check a.csv {options}\n"
+def test_a_corrected_command_has_each_option_once(words, remedy, corrected):
+    assert correct(["check", *words], remedy) == ["check", *corrected]
+
+
+VALUES = {
+    "torque_sign": ("1", "-1"),
+    "position_sign": ("1", "-1"),
+    "position_unit": ("rad", "deg"),
+    "sampling_rate": ("500.0", "1000.0"),
+    "drift": ("0", "1"),
+    "subject": ("S1", "drift"),
+}
+SETTINGS = st.sampled_from([(name, value) for name, values in VALUES.items() for value in values])
+SPELLINGS = st.sampled_from(["{} {}", "{}={}"])
+
+
+@given(
+    given_options=st.lists(st.tuples(SETTINGS, SPELLINGS)),
+    remedy=st.lists(SETTINGS, min_size=1).map(dict),
+    place=st.integers(0, 10),
+    ends_options=st.booleans(),
+)
+def test_the_command_line_reads_a_corrected_command(given_options, remedy, place, ends_options):
+    """Whatever the user gave, and however, the remedy is what counts, and all else stays."""
+    texts = [spelling.format(name_option(name), value) for (name, value), spelling in given_options]
+    texts.insert(
+        len(texts) if ends_options else place, f"-- {__file__}" if ends_options else __file__
+    )
+    words = " ".join(texts).split(" ")
+    corrected = correct(words, remedy)
+    options = [word.partition("=")[0] for word in corrected]
+    assert all(options.count(name_option(name)) == 1 for name in remedy)
+    before, after = (check.make_context("check", list(part)).params for part in (words, corrected))
+    assert {name: str(after[name]) for name in remedy} == remedy
+    assert {name: after[name] for name in after.keys() - remedy} == {
+        name: before[name] for name in before.keys() - remedy
+    }
+
+
+@pytest.mark.parametrize("kind", [ankleloop.DataError, ResourceError])
+def test_a_remedy_reaches_another_process(kind):
+    error = pickle.loads(pickle.dumps(kind("a.csv: the torque has the other sign.", {"drift": 1})))
+    assert (str(error), error.remedy) == ("a.csv: the torque has the other sign.", {"drift": 1})
 
 
 def test_a_reader_that_has_seen_enough_is_no_failure(recording):

@@ -501,6 +501,7 @@ def test_demo(run, tmp_path, monkeypatch):
             "K_high": 154.0,
         }
         table = pd.DataFrame([row])
+        table.attrs["remedy"] = {}
         folder.mkdir(exist_ok=True)
         write_csv(table, folder / "demo-csv-parameters.csv", overwrite=True)
         return table

@@ -64,9 +64,12 @@ def test_an_axis_that_is_turned_round_names_the_signs_of_the_file(method, option
         ({"torque_sign": -1}, "position_sign=-1, torque_sign=1 to read_trial"),
         ({"position_sign": -1, "torque_sign": -1}, "position_sign=1, torque_sign=1 to read_trial"),
     ):
-        (text,) = identify(trial.assign_attrs(signs), method, **options).diagnostics["warnings"]
+        diagnostics = identify(trial.assign_attrs(signs), method, **options).diagnostics
+        (text,) = diagnostics["warnings"]
         assert "in the other direction" in text
         assert f"if the axis is turned round, give {words}" in text
+        turned = {name: -signs.get(name, 1) for name in ("position_sign", "torque_sign")}
+        assert diagnostics["remedy"] == turned
 
 
 @pytest.mark.parametrize(

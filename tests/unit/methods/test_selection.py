@@ -91,6 +91,9 @@ def test_candidates_that_fail_are_reported(trial):
     assert second["scores"]["instrumental"] > 99
     with pytest.raises(DataError, match="no candidate could be fitted"):
         identify(trial, "real-time", select={"memory": [5.0]})
+    with pytest.raises(DataError, match="no variable 'gait' for cycle_onsets") as e:
+        identify(trial, "riv-tv", cycle_onsets="gait", select={"delay": [0.04, 0.05]})
+    assert e.value.remedy == {"variables": None}
 
 
 @pytest.mark.parametrize(

@@ -146,7 +146,7 @@ def patch_method(monkeypatch, name, change):
         (np.linalg.LinAlgError("SVD did not converge"), "(LinAlgError: SVD did not converge)"),
         (ValueError("array must not contain infs"), "(ValueError: array must not contain infs)"),
         (FloatingPointError("overflow"), "(FloatingPointError: overflow)"),
-        (DataError("too short"), "too short"),
+        (DataError("too short", {"drift": 1}), "too short"),
     ],
 )
 def test_a_method_that_fails_does_not_stop_the_others(monkeypatch, error, text):
@@ -158,6 +158,7 @@ def test_a_method_that_fails_does_not_stop_the_others(monkeypatch, error, text):
     table = analysis.table.set_index("label")
     assert table["valid"].tolist() == [False, True]
     assert text in table.loc["riv", "warnings"]
+    assert analysis.remedy == getattr(error, "remedy", {})
     assert list(analysis.estimates) == ["PR"]
     assert recommend(analysis).label == "PR"
 

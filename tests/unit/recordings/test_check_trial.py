@@ -110,7 +110,9 @@ def test_without_a_reference_the_loop_cannot_be_decided(closed):
 def test_drift_is_detected_and_can_be_removed(closed):
     t = closed["time"].values / 50.0
     drifting = closed.assign(torque=closed["torque"] + 30.0 * t**2 - 8.0 * t)
-    assert find(check_trial(drifting), "drift").verdict == "warning"
+    check = check_trial(drifting)
+    assert find(check, "drift").verdict == "warning"
+    assert check.remedy == {"drift": 1}
     level = remove_drift(drifting, 2)
     assert find(check_trial(level), "drift").verdict == "ok"
     difference = level["torque"] - remove_drift(closed, 2)["torque"]

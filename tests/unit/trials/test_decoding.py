@@ -112,5 +112,6 @@ def test_times_without_unit_that_are_too_slow(tmp_path):
     with pytest.raises(
         DataError,
         match=r"time runs at 0.5 Hz, too slow for a joint: is it in ms\? Then call it time_ms",
-    ):
+    ) as e:
         read_trial(tmp_path / "a.mat")
+    assert e.value.remedy == {"sampling_rate": None}

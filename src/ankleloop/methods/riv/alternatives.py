@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -31,7 +31,7 @@ class Effect:
     """An effect of an instrument or of the joint, in words."""
 
     text: str  # what it is called with its size
-    remedy: str  # what to do
+    advice: str  # what to do
     factor: float = 1.0  # from its size to the unit of the text
     one_sided: bool = False  # the opposite is no effect of an instrument
 
@@ -97,13 +97,21 @@ class Alternative:
         """Largest of the shifts."""
         return max(map(abs, self.shifts.values()))
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether it moves a parameter by a fifth, or is the delay of no stretch reflex, so that there is a warning."""
+        shortest, longest = QUANTITIES["delay"].plausible
+        other_delay = self.effect == "delay" and not shortest < self.value < longest
+        return other_delay or self.largest_shift > LARGEST_SHIFT
+
 
 def with_alternatives(
     estimate: Estimate, alternatives: Iterable[Alternative], trial: PreparedTrial
 ) -> Estimate:
     """An estimate with what its model lacks: the alternatives that the record shows and that move a parameter.
 
-    They are in the diagnostics, the most significant one first. Intervals hold the values with it, too.
+    They are in the diagnostics, the most significant one first, with a warning about the first one that is doubtful.
+    Intervals hold the values with the most significant one, too.
     """
     shown = [
         alternative
@@ -124,23 +132,20 @@ def with_alternatives(
         {"effect": alternative.text, "score": alternative.score, "shifts": alternative.shifts}
         for alternative in shown
     ]
-    diagnostics["warnings"] = [*diagnostics["warnings"], *_warn_of_alternatives(shown, trial)]
+    doubtful = [alternative for alternative in shown if alternative.doubtful]
+    if doubtful:
+        first = doubtful[0]
+        signs = turned_signs(trial)
+        text = first.text
+        advice = EFFECTS[first.effect].advice.format(**signs)
+        diagnostics["warnings"] = [
+            *diagnostics["warnings"],
+            f"the model lacks something that depends on the movement. {text[0].upper()}{text[1:]} explains much of it "
+            f"and moves {format_shifts(first.shifts)}: {advice}.",
+        ]
+        if first.effect == "direction":
+            diagnostics["remedy"] = signs
     return replace(estimate, intervals=intervals, diagnostics=diagnostics)
-
-
-def _warn_of_alternatives(alternatives: Sequence[Alternative], trial: PreparedTrial) -> list[str]:
-    """Warning about the first one that moves a parameter by a fifth, or is the delay of no stretch reflex."""
-    shortest, longest = QUANTITIES["delay"].plausible
-    for alternative in alternatives:
-        other_delay = alternative.effect == "delay" and not shortest < alternative.value < longest
-        if other_delay or alternative.largest_shift > LARGEST_SHIFT:
-            text = alternative.text
-            remedy = EFFECTS[alternative.effect].remedy.format(**turned_signs(trial.trial))
-            return [
-                f"the model lacks something that depends on the movement. {text[0].upper()}{text[1:]} explains "
-                f"much of it and moves {format_shifts(alternative.shifts)}: {remedy}."
-            ]
-    return []
 
 
 def compute_shifts(first: Mapping[str, float], second: Mapping[str, float]) -> dict[str, float]:

@@ -95,7 +95,8 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
         noise_frequency [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint
         that the record shows and the model does not have, with
         their scores (size over standard error) and the relative shifts of K, B, I and G
-        (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them.
+        (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them. Where a warning asks
+        for options of `read_trial`, `remedy` has their values.
 
     References
     ----------
