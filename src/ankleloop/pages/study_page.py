@@ -123,7 +123,7 @@ class StudyPage(SimpleNamespace):
         reasons = list_reasons(self.details)
         if reasons.empty:
             return "", ""
-        points = self.details.drop_duplicates("point").set_index("point")[self.keys]
+        points = self.details.drop_duplicates("point").set_index("point")[self.keys].astype(object)
         settings = [
             describe_values(points.loc[name].dropna()) or name for name in reasons.pop("point")
         ]

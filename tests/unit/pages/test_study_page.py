@@ -23,6 +23,8 @@ def page(tmp_path):
             "study": "s",
             "point": f"g={gain:g}",
             "point.reflex_gain": gain,
+            "point.closed_loop": False,
+            "point.snr_db": None,
             "method": method,
             "trial": trial,
         }
@@ -43,7 +45,7 @@ def page(tmp_path):
         points={
             f"g={gain:g}": SimulationSettings(reflex_gain=gain).model_dump() for gain in (5.0, 13.0)
         },
-        varied=["reflex_gain"],
+        varied=["reflex_gain", "closed_loop", "snr_db"],
         figures=["curves"],
         figure={"methods": None, "trial": 0, "start": 0.0, "length": 5.0},
         published="data/published",
@@ -75,10 +77,10 @@ def test_failures_and_warnings_are_counted_at_the_top_and_listed_with_reasons_at
     )
     assert "<h2>Failures and warnings</h2>" in part
     cells = [re.findall("<td.*?>(.*?)</td>", row) for row in part.split("<tr>")[2:]]
-    gain = "reflex gain 5 N·m·s/rad"
+    setting = "reflex gain 5 N·m·s/rad, open loop"
     assert cells == [
-        ["RIV", "failure", "no pole", "1", gain],
-        ["PR &lt;&amp;&gt;", "warning", "unstable", "1", gain],
+        ["RIV", "failure", "no pole", "1", setting],
+        ["PR &lt;&amp;&gt;", "warning", "unstable", "1", setting],
     ]
     page.details[["failure", "warnings"]] = None
     assert page.render_faults() == ("", "")
