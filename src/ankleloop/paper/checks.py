@@ -48,7 +48,8 @@ class StudyResults:
     """Results of one simulated study."""
 
     name: str
-    points: Mapping[str, Mapping[str, Any]]  # simulation settings of each point
+    # Simulation settings, and varied options of methods, of each point.
+    points: Mapping[str, Mapping[str, Any]]
     # Its trials, as `ankleloop.tables.trial_tables.read_trial_table` reads them.
     table: pd.DataFrame
     labels: Mapping[str, str] = field(default_factory=dict)  # readable name of each method
@@ -56,10 +57,11 @@ class StudyResults:
     def point(self, settings: Mapping[str, Any]) -> str:
         """Name of the point with some values of its settings.
 
-        Of several such points, that with the defaults of the simulation in everything by which they differ: a further
-        point of the study changes nothing.
+        Of several such points, that with the defaults of the simulation in everything by which they differ, and null
+        for options of methods: a further point of the study changes nothing.
         """
-        defaults = SimulationSettings.defaults().items()
+        names = {name for values in self.points.values() for name in values}
+        defaults = {**dict.fromkeys(names), **SimulationSettings.defaults()}.items()
         # What is not by default at each point.
         special = {
             point: values.items() - defaults

@@ -6,6 +6,7 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,6 @@ from ankleloop.trials.files import atomic_file, write_csv
 
 COMPLETE = "none"  # label of what the complete processing leaves out
 FILTER = "anti-aliasing filter"
-SEPARATOR = "-without-"  # in the name of a method: method, step
 NO_INTERVAL = re.compile(r" (± nan|\(\+?nan … \+?nan\))")  # behind a value
 NO_VALUE = re.compile(r"\+?\bnan\b")
 OMISSION_COLUMNS = [
@@ -150,7 +150,10 @@ def compare_with_bound(
 
 
 def tabulate_omissions(details: pd.DataFrame, points: Points, labels: Labels) -> pd.DataFrame:
-    """Means over trials of each method with all steps of the processing and without each, with what that changes."""
+    """Means over trials of each method with all steps of the processing and without each, with what that changes.
+
+    Points have the step that their estimates lack as `omitted_step`.
+    """
     keys = ["point", "method"]
     # The warning that a step is left out is none here.
     warnings = details["warnings"].fillna("")
@@ -162,29 +165,31 @@ def tabulate_omissions(details: pd.DataFrame, points: Points, labels: Labels) ->
         place: part.set_index("trial").reindex(columns=OMISSION_COLUMNS).astype(float)
         for place, part in details.groupby(keys)
     }
-    methods = [name for name in labels if SEPARATOR not in name]
     rows = []
-    for (point, condition), method in product(_name_conditions(points).items(), methods):
-        places = {COMPLETE: (point, method), FILTER: (_find_unfiltered(points, point), method)}
+    for (complete, condition), method in product(_name_conditions(points).items(), labels):
+        changed = {
+            COMPLETE: complete,
+            FILTER: _find_point(points, complete, antialias_cutoff=None),
+        }
         for step in OMITTED_STEPS:
-            places[step.replace("-", " ")] = point, f"{method}{SEPARATOR}{step}"
-        for label, place in places.items():
-            if place not in results:
+            changed[step.replace("-", " ")] = _find_point(points, complete, omitted_step=step)
+        for label, point in changed.items():
+            if (point, method) not in results:
                 continue
             changes = _measure_changes(
-                results[place], results[point, method], paired=label != FILTER
+                results[point, method], results[complete, method], paired=label != FILTER
             )
             row = {"condition": condition, "method": labels[method], "omitted_step": label}
-            rows.append({**row, **changes, **counts.loc[place]})
+            rows.append({**row, **changes, **counts.loc[(point, method)]})
     return pd.DataFrame(rows)
 
 
 def _name_conditions(points: Points) -> dict[str, str]:
-    """Condition of each point with an anti-aliasing filter, in words; with its name where two have the same words."""
+    """Condition of each point with all steps in words; with its name where two have the same words."""
     words = {}
     for point, settings in points.items():
         is_clean = settings["snr_db"] is None and settings["voluntary"] == 0
-        if settings["antialias_cutoff"]:
+        if settings["antialias_cutoff"] and not settings.get("omitted_step"):
             words[point] = "without noise" if is_clean else "with noise"
     counts = Counter(words.values())
     return {
@@ -192,9 +197,9 @@ def _name_conditions(points: Points) -> dict[str, str]:
     }
 
 
-def _find_unfiltered(points: Points, point: str) -> str | None:
-    """The point with the settings of another one, but without an anti-aliasing filter."""
-    wanted = {**points[point], "antialias_cutoff": None}
+def _find_point(points: Points, point: str, **change: Any) -> str | None:
+    """The point with the settings of another one but for a change."""
+    wanted = {**points[point], **change}
     return next((name for name, settings in points.items() if settings == wanted), None)
 
 

@@ -27,7 +27,13 @@ POINTS = {
         {"voluntary": level, **loop} for level, loop in product((0.0, 0.25, 0.5, 1.0), LOOPS)
     ],
     "projection": [{"voluntary": 0.05}, {"voluntary": 0.5}],
-    "obstacles": [{}, CLEAN, {"antialias_cutoff": 100.0}],
+    "obstacles": [
+        {"omitted_step": None},
+        {"omitted_step": None, **CLEAN},
+        {"omitted_step": None, "antialias_cutoff": 100.0},
+        {"omitted_step": "scaling", **CLEAN},
+        {"omitted_step": "scaling"},
+    ],
     "real-time": [
         {"perturbation": name, "reflex_gain": 5.0, "voluntary": 0.5, **loop}
         for name, loop in product(("pulses", "prbs"), LOOPS)
@@ -84,7 +90,9 @@ def default_vaf(study, settings, method, torque):
 
 
 def default_error(study, settings, method):
-    """Errors of K [%] with which every claim is reproduced."""
+    """Errors of K [%] with which every claim is reproduced; none rests on a processing without a step."""
+    if settings.get("omitted_step"):
+        return 50.0
     if study == "real-time":
         return 0.0 if settings["perturbation"] == "pulses" and not settings["closed_loop"] else 5.01
     if study == "voluntary" and method in ("pi-moesp", "po-moesp", "parallel-cascade"):
@@ -116,9 +124,10 @@ class Studies(Mapping):
 
     def make(self, study, varied):
         points = {
-            ",".join(f"{name}={value}" for name, value in part.items()): SimulationSettings(
-                **part
-            ).model_dump()
+            ",".join(f"{name}={value}" for name, value in part.items()): {
+                **SimulationSettings.defaults(),
+                **part,
+            }
             for part in varied
         }
         tables = []

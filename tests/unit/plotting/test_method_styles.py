@@ -73,5 +73,4 @@ def test_no_two_methods_of_a_study_look_alike(article_studies):
                 study.labels, {name: method.method for name, method in study.methods.items()}
             ).values()
         )
-        if name != "obstacles":  # draws four of its methods
-            assert len(set(styles)) == len(styles), name
+        assert len(set(styles)) == len(styles), name

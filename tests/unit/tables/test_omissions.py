@@ -10,17 +10,17 @@ from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.comparisons import COMPLETE, tabulate_omissions
 
 TRIALS = 6
-POINTS = {
+COMPLETE_POINTS = {
     "filter": SimulationSettings.defaults(),
     "no filter": SimulationSettings.defaults() | {"antialias_cutoff": None},
     "quiet": SimulationSettings.defaults() | {"snr_db": None, "voluntary": 0.0},
 }
-LABELS = {
-    "pr": "PR-MOESP",
-    "pr-without-scaling": "x",
-    "eiv": "EIV-MOESP",
-    "eiv-without-scaling": "y",
+POINTS = {
+    f"{point}{name}": settings | {"omitted_step": step}
+    for point, settings in COMPLETE_POINTS.items()
+    for name, step in {"": None, " without scaling": "scaling"}.items()
 }
+LABELS = {"pr": "PR-MOESP", "eiv": "EIV-MOESP"}
 SCORES = {"net": "measured", "intrinsic": "true", "reflex": "true"}
 
 
@@ -33,11 +33,11 @@ def results():
         for method in LABELS:
             for trial in range(TRIALS):
                 key = {"point": point, "method": method, "trial": trial}
-                if (point, method, trial) == ("filter", "pr-without-scaling", 3):
+                if (point, method, trial) == ("filter without scaling", "pr", 3):
                     rows.append(key | {"failure": "no convergence"})
                     continue
-                warnings = [describe_omission("scaling")] if "without" in method else []
-                if trial == 1 and method == "pr-without-scaling":
+                warnings = [describe_omission("scaling")] if "without" in point else []
+                if trial == 1 and "without" in point and method == "pr":
                     warnings.append("unstable")
                 values = dict(
                     zip(
@@ -78,7 +78,7 @@ def test_rows_are_conditions_methods_and_steps(results):
 def test_costs_are_of_the_same_trials(results):
     row = tabulate_omissions(results, POINTS, LABELS).iloc[2]
     with_step, without = (
-        values_of(results, "filter", name) for name in ("pr", "pr-without-scaling")
+        values_of(results, point, "pr") for point in ("filter", "filter without scaling")
     )
     assert row["K_mean"] == pytest.approx(without.mean())
     assert row["K_cost"] == pytest.approx((without - with_step.drop(3)).mean())
@@ -86,7 +86,7 @@ def test_costs_are_of_the_same_trials(results):
     assert row["K_cost_margin"] == pytest.approx((interval.high - interval.low) / 2)
     alone = stats.ttest_1samp(without, 0.0).confidence_interval(0.95)
     assert row["K_margin"] == pytest.approx((alone.high - alone.low) / 2)
-    vaf = results.query("point == 'filter' and method == 'pr-without-scaling'")["vaf_reflex_true"]
+    vaf = results.query("point == 'filter without scaling' and method == 'pr'")["vaf_reflex_true"]
     assert row["vaf_reflex_true_mean"] == pytest.approx(vaf.mean())
 
 
@@ -101,8 +101,10 @@ def test_the_filter_is_compared_between_other_trials(results):
 
 def test_two_conditions_with_the_same_words_are_both_shown(results):
     """They differ in another setting: the name of the point tells them apart, and each has its own filter."""
-    other = {"filter, light": POINTS["filter"] | {"load_inertia": 0.5}}
-    other["no filter, light"] = other["filter, light"] | {"antialias_cutoff": None}
+    other = {
+        f"{point}, light": POINTS[point] | {"load_inertia": 0.5}
+        for point in ("filter", "filter without scaling", "no filter")
+    }
     more = results.assign(point=results["point"] + ", light", K=results["K"] + 40.0)
     more = more[more["point"].isin(other)]
     table = tabulate_omissions(pd.concat([results, more]), POINTS | other, LABELS)
