@@ -58,11 +58,11 @@ def check_file(path: Path, recording: Recording) -> tuple[xr.Dataset | None, Che
     from ankleloop.recordings.validity import usual_methods
 
     methods = usual_methods(reference="reference" in recording.channels)
+    mapping = recording.model_dump()
     try:
-        trial = load_recording(path, recording.model_dump())
+        trial = load_recording(path, mapping)
         result = check_trial(trial, **largest_options(methods))
-        return trial, replace(
-            result, findings=[*result.findings, *check_course(trial, recording.model_dump())]
-        )
+        findings = [*result.findings, *check_course(trial, mapping)]
+        return trial, replace(result, findings=findings)
     except NUMERICAL_ERRORS as error:
         return None, refuse_recording(error).check

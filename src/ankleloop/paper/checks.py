@@ -60,11 +60,10 @@ class StudyResults:
         Of several such points, that with the defaults of the simulation in everything by which they differ, and null
         for options of methods: a further point of the study changes nothing.
         """
-        names = {name for values in self.points.values() for name in values}
-        defaults = {**dict.fromkeys(names), **SimulationSettings.defaults()}.items()
+        defaults = SimulationSettings.defaults()
         # What is not by default at each point.
         special = {
-            point: values.items() - defaults
+            point: {(name, value) for name, value in values.items() if value != defaults.get(name)}
             for point, values in self.points.items()
             if settings.items() <= values.items()
         }

@@ -183,8 +183,7 @@ def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> lis
         try:
             record = rectifier_regressors(trial, options.delay, options.identification_rate, name)
         except DataError as error:
-            place = name_trial(number, len(trials))
-            raise DataError(f"{place}{error}", error.remedy) from None
+            raise DataError(f"{name_trial(number, len(trials))}{error}", error.remedy) from None
         records.append(record)
     return records
 

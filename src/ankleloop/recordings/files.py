@@ -85,8 +85,7 @@ def check_course(trial: xr.Dataset, mapping: RecordingValues) -> list[Finding]:
 
 def refuse_recording(error: Exception) -> Analysis:
     """Analysis of a recording that cannot be used."""
-    remedy = getattr(error, "remedy", {})
-    finding = Finding("file", "refused", describe_failure(error), remedy)
+    finding = Finding("file", "refused", describe_failure(error), getattr(error, "remedy", {}))
     return refused_analysis(Check([finding], "undecided", {}))
 
 
