@@ -69,10 +69,11 @@ class StudyPage(SimpleNamespace):
     def select_estimates(self, estimates: Estimates, methods: Iterable[str]) -> dict[str, Estimate]:
         """Estimates of the trial that figures show, by label; those that failed are not among them."""
         trial = self.figure["trial"]
-        selection = {}
-        for name in methods:
-            if trial in estimates[name]:
-                selection[self.labels[name]] = estimates[name][trial]
+        selection = {
+            self.labels[name]: estimates[name][trial]
+            for name in methods
+            if trial in estimates[name]
+        }
         self.refuse_empty(selection)
         return selection
 

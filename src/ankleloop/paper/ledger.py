@@ -141,9 +141,8 @@ def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]
     ours = format_pairs(rows["ours"], rows["uncertainty"], "{:.2f} ± {:.2f}")
     cells = rows["paper"].map("{:g} → ".format) + ours
     torques = rows["torque"] + " [% VAF]"
-    table = rows.assign(torque=torques, cell=cells).pivot(
-        index="method", columns="torque", values="cell"
+    table = rows.assign(torque=torques, cell=cells).pivot_table(
+        "cell", "method", "torque", aggfunc="first", sort=False
     )
-    table = table.loc[rows["method"].unique(), torques.unique()]
     verdicts = dict(zip(cells, rows["verdict"], strict=True))
     return table.rename_axis(columns=None).reset_index(), verdicts

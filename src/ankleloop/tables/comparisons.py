@@ -99,16 +99,19 @@ def compare_with_published(
 def format_table(table: pd.DataFrame, labels: Labels) -> pd.DataFrame:
     """A table as people read it: labels for methods, mean ± half its 95 % interval, difference to the paper, counts."""
     cells = table.drop(columns=["paper", "mean", "sd", "n", *COUNTS])
-    cells["method"] = table["method"].replace(dict(labels))
+    cells = cells.replace({"method": dict(labels)})
     settings = cells.select_dtypes("number").columns
     cells[settings] = cells[settings].map("{:g}".format).astype(object)
-    margins = confidence_margin(table["sd"], table["n"])
-    differences = table["mean"] - table["paper"]
-    cells["paper [%]"] = [format_number(value, ".0f") for value in table["paper"]]
-    cells["ours [%]"] = format_pairs(table["mean"], margins, "{:.1f} ± {:.2f}")
-    cells["difference [points]"] = [format_number(value, "+.1f") for value in differences]
-    cells[COUNTS] = table[COUNTS].astype(str)
-    return cells
+    numbers = table.assign(
+        margin=confidence_margin(table["sd"], table["n"]),
+        difference=table["mean"] - table["paper"],
+    )
+    columns = {
+        "paper [%]": "{paper:.0f}",
+        "ours [%]": "{mean:.1f} ± {margin:.2f}",
+        "difference [points]": "{difference:+.1f}",
+    }
+    return cells.join(format_rows(numbers, columns)).join(table[COUNTS])
 
 
 def compare_with_bound(

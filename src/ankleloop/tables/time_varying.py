@@ -121,11 +121,10 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
                 row |= {column: mean, f"{column}_margin": margin}
             curve = curves.get((point, method, name), no_curve)
             scale = 100.0 / curve["truth"].mean()
-            row["bias"] = scale * _root_mean_square(curve["mean"] - curve["truth"])
-            row["random"] = scale * _root_mean_square(curve["sd"])
-            row["total"] = np.hypot(row["bias"], row["random"])
-            row["rise"] = rise[0]
-            rows.append(row)
+            bias = scale * _root_mean_square(curve["mean"] - curve["truth"])
+            random = scale * _root_mean_square(curve["sd"])
+            total = np.hypot(bias, random)
+            rows.append({**row, "bias": bias, "random": random, "total": total, "rise": rise[0]})
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
 
 
@@ -181,14 +180,24 @@ def compare_with_bound(details: pd.DataFrame, bounds: pd.DataFrame, method: str)
         for name in TRAJECTORY_TRUTHS:
             unit = 100.0 / bound[f"{name}_truth"]
             means = part[f"{name}_bias"].dropna()
-            row = {"point": point, "parameter": name}
-            row["root_error"] = _root_mean_square(part[f"{name}_nrmse"])
-            row["bound"] = unit * bound[name]
-            row["root_mean_error"] = _root_mean_square(means)
-            row["mean_bound"] = unit * bound[f"{name}_mean"]
-            row["efficiency"] = 100.0 * (row["bound"] / row["root_error"]) ** 2
-            row["mean_efficiency"] = 100.0 * (row["mean_bound"] / row["root_mean_error"]) ** 2
+            error = _root_mean_square(part[f"{name}_nrmse"])
+            limit = unit * bound[name]
+            mean_error = _root_mean_square(means)
+            mean_limit = unit * bound[f"{name}_mean"]
+            mean_efficiency = 100.0 * (mean_limit / mean_error) ** 2
             ends = stats.chi2.ppf((0.025, 0.975), means.size) / means.size
-            row["mean_low"], row["mean_high"] = row["mean_efficiency"] * ends
+            low, high = mean_efficiency * ends
+            row = {
+                "point": point,
+                "parameter": name,
+                "root_error": error,
+                "bound": limit,
+                "root_mean_error": mean_error,
+                "mean_bound": mean_limit,
+                "efficiency": 100.0 * (limit / error) ** 2,
+                "mean_efficiency": mean_efficiency,
+                "mean_low": low,
+                "mean_high": high,
+            }
             rows.append(row)
     return pd.DataFrame(rows)

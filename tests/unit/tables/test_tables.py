@@ -114,6 +114,6 @@ def test_a_table_beside_the_paper_says_how_many_trials_failed(partly_failed):
     assert table["mean"].tolist()[:3] == [91.5, 91.0, 91.5]
     assert np.isnan(table["mean"].iloc[3])
     shown = format_table(table, {"a": "A", "b": "B"})
-    assert shown[["trials", "failures", "warnings"]].values.tolist()[3] == ["4", "4", "0"]
+    assert shown[["trials", "failures", "warnings"]].values.tolist()[3] == [4, 4, 0]
     assert shown["ours [%]"].iloc[3] == "–"
     assert shown["ours [%]"].iloc[0].startswith("91.5 ± ")
