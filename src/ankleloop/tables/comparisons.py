@@ -63,12 +63,12 @@ def format_rows(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame
     >>> format_rows(table, {"method": "{method}", "K [N·m/rad]": "{K:.1f} ± {margin:.1f}"}).to_numpy().tolist()
     [['riv', '150.0 ± 2.0'], ['pr', '–']]
     """
-    cells = pd.DataFrame(index=table.index)
+    cells = {}
     rows = [defaultdict(lambda: np.nan, row) for row in table.to_dict("records")]
     for heading, template in columns.items():
         texts = [NO_INTERVAL.sub("", template.format_map(row)) for row in rows]
         cells[heading] = [NO_VALUE.sub("–", text) for text in texts]
-    return cells
+    return pd.DataFrame(cells, index=table.index, dtype=str)
 
 
 def format_means(

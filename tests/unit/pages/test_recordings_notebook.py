@@ -1,0 +1,79 @@
+"""The notebook of recordings: it opens with the recommended methods, and shows recordings that were all refused."""
+
+import json
+from pathlib import Path
+from unittest import mock
+
+import matplotlib.pyplot as plt
+import pandas as pd
+import pytest
+
+NOTEBOOK = Path(__file__).parents[3] / "notebooks" / "recordings.ipynb"
+REFUSED = {
+    "recording": "A2",
+    "subject": "Ann",
+    "condition": "rest",
+    "trial": None,
+    "verdict": "refused",
+    "reasons": "torque: there is a gap",
+    "valid": False,
+    "trusted": False,
+    "key": None,
+    "recommended": False,
+    "recommendation": "Nothing can be concluded.",
+}
+FITTED = {**REFUSED, "recording": "A1", "verdict": "ok", "loop": "closed", "reasons": None}
+FITTED |= {"valid": True, "trusted": True, "vaf_unseen": 90.0, "K": 150.0, "warnings": None}
+RIV = {**FITTED, "key": "riv", "method": "riv", "label": "RIV", "K_low": 148.0, "K_high": 152.0}
+PR = {**FITTED, "key": "pr", "method": "pr-moesp", "label": "PR", "K": 90.0, "trusted": False}
+
+
+@pytest.fixture
+def run_notebook(tmp_path):
+    """Run the cells of the notebook on a table; what they show, and where the results are."""
+
+    def run(*rows):
+        pd.DataFrame(rows).to_parquet(tmp_path / "0.parquet")
+        study = {"study": "s", "title": "S", "figures": ["group"]}
+        study["tables"] = [str(tmp_path / "0.parquet")]
+        study["table_stem"] = study["figure_stem"] = str(tmp_path / "s")
+        shown, names = [], {}
+
+        def show(*outputs):
+            shown.extend(str(getattr(output, "data", output)) for output in outputs)
+
+        cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
+        patched = mock.patch("ankleloop.pages.study_page.display", show)
+        with plt.rc_context({"backend": "Agg"}), patched:
+            for cell in (cell for cell in cells if cell["cell_type"] == "code"):
+                exec("".join(cell["source"]), names)
+                names |= {"study": study, "display": show}
+        return shown, tmp_path
+
+    return run
+
+
+@pytest.mark.usefixtures("coarse_pictures")
+def test_the_first_table_and_the_figure_have_the_recommended_methods(run_notebook):
+    rows = [{**RIV, "recommended": True}, {**PR, "warnings": "no pole"}, REFUSED]
+    shown, folder = run_notebook(*rows)
+    assert shown[0].startswith("2 recordings: 1 ok, 0 warning, 1 refused.")
+    first = shown[1]
+    assert "150 (148 … 152)" in first
+    assert "PR" not in first
+    assert 'href="s/A2.html"' in first
+    drawn = pd.read_csv(folder / "s-group.csv")
+    assert drawn["series"].dropna().unique().tolist() == ["RIV"]
+    assert drawn["row"].unique().tolist() == ["A1 (Ann, rest)", "A2 (Ann, rest)"]
+    numbers = (folder / "s.md").read_text(encoding="utf-8")
+    assert "RIV" in numbers
+    assert "PR (warning)" in numbers
+    assert pd.read_csv(folder / "s.csv")["method"].dropna().tolist() == ["riv", "pr"]
+
+
+@pytest.mark.usefixtures("coarse_pictures")
+def test_recordings_that_were_all_refused_have_a_page_and_a_figure(run_notebook):
+    shown, folder = run_notebook(REFUSED, {**REFUSED, "recording": "A3"})
+    assert any("A3 was refused:</b> torque: there is a gap" in text for text in shown)
+    assert (folder / "s-group.png").stat().st_size > 0
+    assert pd.read_csv(folder / "s.csv")["recording"].tolist() == ["A2", "A3"]
