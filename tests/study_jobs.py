@@ -27,14 +27,13 @@ def run_jobs(study, folder):
     for path, parts in zip(trial_files, study.trial_files, strict=True):
         write_trials(path, study.name, precision=settings.precision, **study.simulation(parts))
     estimates, scores = [], []
-    for chunk, parts in enumerate(study.chunks):
+    for chunk in range(len(study.chunks)):
         arguments = study.identification(chunk)
-        if settings.keep == "everything":
+        simulation = arguments.pop("simulation")
+        if not simulation:
             trials = read_trials(trial_files[study.file_numbers[chunk]], arguments["conditions"])
         else:
-            trials = simulate_trials(
-                study.name, precision=settings.precision, **study.simulation(parts)
-            )
+            trials = simulate_trials(study.name, precision=settings.precision, **simulation)
         files = {"scores": folder / f"scores-{chunk}.parquet"}
         if settings.keep != "scores":
             files["estimates"] = folder / f"estimates-{chunk}.parquet"

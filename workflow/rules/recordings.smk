@@ -6,11 +6,7 @@ rule recordings:
             local(path) for path in study_of(w).existing_paths(int(w.chunk))
         ],
         settings=lambda w: settings_file(
-            study_of(w),
-            f"scores/{w.chunk}",
-            study_of(w).chunks[int(w.chunk)],
-            study_of(w).analysed_methods,
-            study_of(w).describe()["figure"],
+            study_of(w), f"scores/{w.chunk}", study_of(w).analysis(int(w.chunk))
         ),
     output:
         table="results/scores/{study}/{chunk}.parquet",
@@ -28,9 +24,7 @@ rule recordings:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        points=lambda w: study_of(w).chunks[int(w.chunk)],
-        methods=lambda w: study_of(w).analysed_methods,
-        figure=lambda w: study_of(w).settings.figure.model_dump(),
+        arguments=lambda w: study_of(w).analysis(int(w.chunk)),
         library=library("workflow/scripts/recordings.py"),
     script:
         "../scripts/recordings.py"

@@ -38,10 +38,7 @@ rule identify:
     input:
         trials=trial_file_of,
         settings=lambda w: settings_file(
-            study_of(w),
-            f"scores/{w.chunk}",
-            study_of(w).simulation(study_of(w).chunks[int(w.chunk)]),
-            study_of(w).identification(int(w.chunk)),
+            study_of(w), f"scores/{w.chunk}", study_of(w).identification(int(w.chunk))
         ),
     output:
         estimates="results/estimates/{study}/{chunk}.parquet",
@@ -60,11 +57,6 @@ rule identify:
         runtime=half_hour,
     params:
         arguments=lambda w: study_of(w).identification(int(w.chunk)),
-        simulation=lambda w: (
-            {}
-            if study_of(w).settings.keep == "everything"
-            else study_of(w).simulation(study_of(w).chunks[int(w.chunk)])
-        ),
         library=library("workflow/scripts/identify.py"),
     script:
         "../scripts/identify.py"

@@ -10,8 +10,8 @@ from ankleloop.tables.outcomes import describe_failures
 
 with running(snakemake):
     study = snakemake.wildcards.study
-    arguments = snakemake.params.arguments
-    simulation = snakemake.params.simulation
+    arguments = dict(snakemake.params.arguments)
+    simulation = arguments.pop("simulation")
     if simulation:
         trials = simulate_trials(study, precision=arguments["precision"], **simulation)
     else:

@@ -13,16 +13,13 @@ from ankleloop.tables.trial_tables import save_table
 with running(snakemake):
     folder = Path(snakemake.output.folder)
     folder.mkdir(parents=True, exist_ok=True)
-    window = {name: snakemake.params.figure[name] for name in ("start", "length")}
-    points = snakemake.params.points
+    arguments = snakemake.params.arguments
     tables = []
     # Rule `publish` copies the pages to results/reports/{study}.
-    results = analyse_recordings(
-        points, snakemake.params.methods, folder, window, index="../../index.html"
-    )
+    results = analyse_recordings(folder=folder, index="../../index.html", **arguments)
     for name, outcome in results:
         tables.append(outcome)
-        log.info("analysed %d of %d", len(tables), len(points))
+        log.info("analysed %d of %d", len(tables), len(arguments["recordings"]))
         if outcome["verdict"].iloc[0] == "refused":
             print(f"{name} refused: {outcome['reasons'].iloc[0]}", file=sys.stderr)
     table = pd.concat(tables, ignore_index=True).replace("", None)

@@ -147,15 +147,20 @@ class SimulatedStudy(Study):
         return {"seed": self.settings.seed, "conditions": conditions}
 
     def identification(self, chunk: int) -> Values:
-        """Arguments of `identify_trials` for a chunk, besides the trials and the files."""
+        """Arguments of `identify_trials` for a chunk, besides the trials and the files.
+
+        `simulation` makes the trials; it is empty where they are read from a trial file.
+        """
         conditions = {}
-        for condition, first, stop in self.chunks[chunk]:
+        parts = self.chunks[chunk]
+        for condition, first, stop in parts:
             points = {
                 point.name: {"values": point.values, "options": point.options}
                 for point in self._points_of[condition]
             }
             conditions[condition] = {"first": first, "stop": stop, "points": points}
         return {
+            "simulation": {} if self.trial_files else self.simulation(parts),
             "conditions": conditions,
             "methods": self.identified_methods,
             "kinds": {name: parameter.kind for name, parameter in self.parameters.items()},
@@ -239,6 +244,14 @@ class RecordedStudy(Study):
         items = list(self.points.items())
         count = self.settings.recordings_per_chunk
         return [dict(items[first : first + count]) for first in range(0, len(items), count)]
+
+    def analysis(self, chunk: int) -> Values:
+        """Arguments of `analyse_recordings` for a chunk, besides the folder and the index."""
+        return {
+            "recordings": self.chunks[chunk],
+            "methods": self.analysed_methods,
+            "window": self.settings.figure.model_dump(include={"start", "length"}),
+        }
 
     def check_files(self) -> None:
         """Refuse a folder that has none of the files, and names that Snakemake would take for wildcards."""

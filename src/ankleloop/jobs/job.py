@@ -52,7 +52,7 @@ def _describe(snakemake: Any) -> str:
     trials = sum(part["stop"] - part["first"] for part in conditions)
     if trials:
         parts.append(f"{trials} trials")
-    recordings = getattr(snakemake.params, "points", {})
+    recordings = arguments.get("recordings", {})
     if recordings:
         parts.append(f"{len(recordings)} recordings")
     return ", ".join(parts)

@@ -30,7 +30,7 @@ Mappings = Mapping[str, Mapping[str, Any]]  # by the names of recordings, or the
 
 
 def analyse_recordings(
-    points: Mappings,
+    recordings: Mappings,
     methods: Mappings,
     folder: Path,
     window: Mapping[str, Any],
@@ -45,12 +45,12 @@ def analyse_recordings(
     """
     analyse_one = partial(_analyse, methods=methods, folder=folder, window=window, index=index)
     if sys.platform != "linux":
-        for name, mapping in points.items():
+        for name, mapping in recordings.items():
             yield name, analyse_one(name, mapping)
         return
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(1, mp_context=context, initializer=_end_with_parent) as pool:
-        for name, mapping in points.items():
+        for name, mapping in recordings.items():
             with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
                 try:
                     table = pool.submit(analyse_one, name, mapping).result()

@@ -50,11 +50,7 @@ def run_job(folder, tmp_path, monkeypatch):
         }
         study = read_studies({"studies": {"laboratory": settings}})[1]["laboratory"]
         job = SimpleNamespace(
-            params=SimpleNamespace(
-                points=study.chunks[0],
-                methods=study.analysed_methods,
-                figure=study.settings.figure.model_dump(),
-            ),
+            params=SimpleNamespace(arguments=study.analysis(0)),
             output=SimpleNamespace(
                 folder=str(tmp_path / "pages"), table=str(tmp_path / "table.parquet")
             ),
