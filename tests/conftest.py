@@ -9,6 +9,7 @@ import yaml
 from workflow_runs import PROGRAM, STUDY, Run, environment
 
 import ankleloop
+from ankleloop.plotting.style import METADATA
 
 ROOT = Path(__file__).parents[1]
 collect_ignore_glob = ["*/conftest.py"]  # they have no examples, and share a name
@@ -166,6 +167,7 @@ def reproduction(repository, reduced):
 
 @pytest.fixture
 def coarse_pictures(monkeypatch):
-    """Pictures of few pixels, which take less time."""
+    """Pictures of few pixels, and none for print, which take less time."""
     for module in ("pages.recordings", "plotting.style"):
         monkeypatch.setattr(f"ankleloop.{module}.DOTS_PER_INCH", 40)
+    monkeypatch.delitem(METADATA, ".pdf")

@@ -1,11 +1,22 @@
 """Jobs of a simulated study, run one after the other in this process as the rules of the workflow run them."""
 
+import json
+from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
+import matplotlib.pyplot as plt
+
+from ankleloop.config.notebooks import read_notebooks
+from ankleloop.config.run import report_parameters
 from ankleloop.jobs.identification import identify_trials, read_trials
+from ankleloop.jobs.predictions import predict
 from ankleloop.jobs.simulation import simulate_trials
 from ankleloop.tables.trial_tables import join_tables
 from ankleloop.trials.trial_files import save_trials
+
+ROOT = Path(__file__).parents[1]
+NOTEBOOKS = read_notebooks()
 
 
 def write_trials(path, study, seed, conditions, precision="double"):
@@ -43,3 +54,44 @@ def run_jobs(study, folder):
     table = folder / f"{study.name}-trials.parquet"
     join_tables(table, scores, study.rows, table.with_suffix(".csv"))
     return SimpleNamespace(table=table, scores=scores, estimates=estimates, trials=trial_files)
+
+
+def run_notebook(study, results, folder):
+    """Run the notebook of a study, which leaves its files in a folder; what it shows."""
+    name = study.settings.notebook
+    tables = [results.table]
+    draws = NOTEBOOKS[name].predictions
+    if draws:
+        tables.append(folder / "predictions.parquet")
+        predict(tables[-1], study.name, **study.prediction(draws))
+    files = {"trials": results.trials, "estimates": results.estimates, "tables": tables}
+    files = {kind: list(map(str, paths)) for kind, paths in files.items()}
+    stem = str(folder / study.name)
+    places = {
+        "published": str(ROOT / "data" / "published"),
+        "table_stem": stem,
+        "figure_stem": stem,
+    }
+    return run_cells(name, report_parameters(study, NOTEBOOKS[name], files, **places))
+
+
+def run_cells(notebook, parameters):
+    """Run the code of a notebook with parameters in the place of its own; the markdown and HTML that it shows."""
+    text = (ROOT / "notebooks" / f"{notebook}.ipynb").read_text(encoding="utf-8")
+    shown, names = [], {}
+
+    def show(*outputs):
+        shown.extend(str(getattr(output, "data", output)) for output in outputs)
+
+    with (
+        plt.rc_context({"backend": "Agg"}),
+        mock.patch("ankleloop.pages.study_page.display", show),
+        mock.patch("IPython.display.display", show),
+    ):
+        for cell in json.loads(text)["cells"]:
+            if cell["cell_type"] == "code":
+                exec("".join(cell["source"]), names)
+            if "parameters" in cell["metadata"].get("tags", ()):
+                assert set(parameters) <= set(names)
+                names |= parameters
+    return "\n".join(shown)

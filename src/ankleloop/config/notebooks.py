@@ -22,12 +22,15 @@ Need = Literal[
     "estimates",
     "one setting",
     "two settings",
+    "one abscissa",
     "settings",
     "numbers",
     "truths",
     "shared truths",
     "real-time",
+    "riv",
     "cascade",
+    "cascades",
     "stop rule",
     "delay",
     "select",
@@ -102,8 +105,14 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
         name for name, parameter in study.parameters.items() if SIMULATION not in parameter.owners
     ]
     # The loops have curves of their own.
-    axis = next((name for name in varied if name != "closed_loop"), "")
-    has_numbers = axis and all(isinstance(settings[axis], (int, float)) for settings in points)
+    numeric = [name for name in varied if name != "closed_loop"]
+    places = {tuple(settings[name] for name in numeric) for settings in points}
+    has_numbers = all(type(value) in (int, float) for place in places for value in place)
+    passes = [
+        method.fixed_options.get("max_passes")
+        for method in methods.values()
+        if method.method == "parallel-cascade"
+    ]
     truths = {SETTINGS[name] for name in ("K", "B", "I", "G")}
     searches_delay = any(
         method.method == "riv" and method.fixed_options.get("delay", 0.0) is None
@@ -128,9 +137,13 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             not options,
             f"points that differ in settings of the simulation alone, got {', '.join(options)}",
         ),
+        "one abscissa": (
+            len({place[:1] for place in places}) == len(places),
+            f"one setting beside closed_loop, or several that change with it, got combinations of {names}",
+        ),
         "numbers": (
-            has_numbers,
-            f"a setting beside closed_loop that differs, with numbers as values, got {names}",
+            numeric and has_numbers,
+            f"settings that differ, beside closed_loop, with numbers as values, got {names}",
         ),
         "truths": (
             not study.settings.against,
@@ -144,7 +157,15 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             algorithms == ["real-time"],
             f"one method, real-time, got {', '.join(algorithms)}",
         ),
-        "cascade": ("parallel-cascade" in algorithms, "a method parallel-cascade"),
+        "riv": (algorithms == ["riv"], f"one method, riv, got {', '.join(algorithms)}"),
+        "cascade": (
+            any(count != 1 for count in passes),
+            "a method parallel-cascade of more than one pass (max_passes)",
+        ),
+        "cascades": (
+            len(passes) == len(methods),
+            f"methods parallel-cascade alone, got {', '.join(algorithms)}",
+        ),
         "stop rule": (
             any(name.startswith("parallel-cascade") for name in methods),
             "a method whose name begins with parallel-cascade, for its stop rule",

@@ -204,9 +204,13 @@ class _StudySettings(Options):
                 raise ValueError(
                     f"methods: {name} is the name of another method: choose another name"
                 )
-        label, count = Counter(
-            method.label or name for name, method in self.methods.items()
-        ).most_common(1)[0]
+        labels = Counter(method.label or name for name, method in self.methods.items())
+        for label in labels:
+            if label.startswith("_"):
+                raise ValueError(
+                    f"methods: legends leave out labels with a low line in front, got {label!r}"
+                )
+        label, count = labels.most_common(1)[0]
         if count > 1:
             raise ValueError(
                 f"methods: {count} methods have the label {label!r}; give each one of its own"

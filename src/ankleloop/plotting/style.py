@@ -47,6 +47,7 @@ STYLE: Any = {
     "grid.linewidth": 0.5,
     "axes.axisbelow": True,
     "legend.frameon": False,
+    "text.parse_math": False,  # labels of methods may hold dollars
     "pdf.fonttype": 42,
 }
 # Metadata that would differ between two runs are left out.

@@ -212,7 +212,7 @@ def _measure_changes(
     """Means of all columns and their changes ("cost"), with their margins; paired changes are of the same trials."""
     means, margins = _measure_means(values)
     if paired:
-        costs, cost_margins = _measure_means((values - complete).dropna())
+        costs, cost_margins = _measure_means(values - complete)
     else:
         complete_means, complete_margins = _measure_means(complete)
         costs = means - complete_means
@@ -235,5 +235,6 @@ def _measure_means(values: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
 def write_table(table: pd.DataFrame, stem: str, shown: pd.DataFrame, caption: str) -> None:
     """Write a table as CSV, and what people read of it as Markdown with its caption; both replace former ones."""
     write_csv(table, f"{stem}.csv", overwrite=True)
+    shown = shown.replace(r"\|", r"\\|", regex=True)  # else it would end a cell
     with atomic_file(f"{stem}.md", overwrite=True) as path:
         path.write_text(f"{shown.to_markdown(index=False)}\n\n{caption}\n", encoding="utf-8")

@@ -15,7 +15,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
-from ankleloop.tables.captions import LOAD, format_load
+from ankleloop.tables.captions import LOAD, describe_values, format_load
 from ankleloop.tables.means import count_outcomes, measure_statistics
 from ankleloop.tables.outcomes import Points, Settings
 from ankleloop.trials.files import PathLike
@@ -29,6 +29,7 @@ VARIATIONS = {
     "time": "over {:g} s",
     "schedule": "scheduling variable, {:g} s",
 }
+TITLED = {*LOAD, "voluntary", "variation", "duration", "cycle_jitter"}  # in words of their own
 PLACES = 101
 SPREAD = (0.025, 0.975)  # quantiles of the trials
 
@@ -152,7 +153,8 @@ def title_setting(settings: Settings, varied: Sequence[str]) -> str:
     parts.append(VARIATIONS[settings["variation"]].format(round(extent, 6)))
     if has_cycles and settings["cycle_jitter"]:
         parts.append(f"durations ± {100 * settings['cycle_jitter']:g} %")
-    return ", ".join(parts)
+    others = describe_values({name: settings[name] for name in varied if name not in TITLED})
+    return ", ".join(filter(None, [*parts, others]))
 
 
 def typical_points(points: Points, most: int = 4) -> list[str]:
