@@ -1,15 +1,12 @@
-import json
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
+from study_jobs import run_cells
 from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, write_trials
 
 from ankleloop.errors import DataError
 from ankleloop.tables.sweeps import SweepStudy, describe_design, draw_map, draw_sweep, list_extremes
 
-NOTEBOOK = Path(__file__).parents[3] / "notebooks" / "sweep.ipynb"
 POINTS = grid(reflex_gain=[5.0, 10.0, 20.0], voluntary=[0.0, 0.5])
 
 
@@ -115,42 +112,25 @@ def test_error_with_the_smallest_root_mean_square_is_the_best(read):
     )  # a bias of 2 %, against none with a spread of 33 %
 
 
-def run_notebook(**study):
-    """Run the code of the notebook with a study in place of its own."""
-    cells = [
-        cell
-        for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
-        if cell["cell_type"] == "code"
-    ]
-    names = {}
-    for cell in cells:
-        exec("".join(cell["source"]), names)
-        if "parameters" in cell["metadata"].get("tags", ()):
-            names["study"] = study
-
-
 @pytest.mark.parametrize("count", [1, 3])
 def test_notebook_runs_on_the_table_alone(tmp_path, count):
     values = {"reflex_gain": [5.0, 10.0], "voluntary": [0.0, 0.5], "block_rows": [10, 12]}
     varied = list(values)[:count]
     table = make_trials(grid(**{name: values[name] for name in varied}), trials=2)
-    run_notebook(
-        study="s",
-        kind="simulation",
-        title="A sweep",
-        algorithms={},
-        points={},
-        figures=["sweep", "map"],
-        figure={},
-        published="",
-        table_file=str(write_trials(tmp_path / "s-trials.parquet", table)),
-        labels=LABELS,
-        varied=varied,
-        simulation=SETTINGS,
-        sweep=sweep_options(quantities=["vaf_net_true"], difference=["riv", "moesp"]),
-        table_stem=str(tmp_path / "s"),
-        figure_stem=str(tmp_path / "s"),
-    )
+    study = {
+        "study": "s",
+        "title": "A sweep",
+        "algorithms": {},
+        "figures": ["sweep", "map"],
+        "table_file": str(write_trials(tmp_path / "s-trials.parquet", table)),
+        "labels": LABELS,
+        "varied": varied,
+        "simulation": SETTINGS,
+        "sweep": sweep_options(quantities=["vaf_net_true"], difference=["riv", "moesp"]),
+        "table_stem": str(tmp_path / "s"),
+        "figure_stem": str(tmp_path / "s"),
+    }
+    run_cells("sweep", {"study": study})
     written = {path.name for path in tmp_path.iterdir()}
     names = ("sweep", "map") if count == 3 else ("sweep",)
     figures = {f"s-{name}.{suffix}" for name in names for suffix in ("png", "pdf", "csv")}

@@ -1,22 +1,15 @@
 """The notebook of joints that change in time, on small studies like those of the configuration."""
 
-import json
 from pathlib import Path
-from unittest import mock
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from study_jobs import run_jobs
+from study_jobs import run_jobs, run_notebook
 
-from ankleloop.config.notebooks import read_notebooks
-from ankleloop.config.run import report_parameters
 from ankleloop.config.study import read_studies
-from ankleloop.jobs.predictions import predict
 
-NOTEBOOKS = read_notebooks()
 ROOT = Path(__file__).parents[3]
 # Points in the place of those of the configuration; fewer and shorter ones.
 SMALL = {
@@ -26,66 +19,21 @@ SMALL = {
 }
 
 
-@pytest.fixture
-def run_notebook(tmp_path):
-    """Make a small study, and run the cells of the notebook on it; it gives what they show, and the table."""
-
-    def run(name):
-        config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
-        settings = config["studies"][name]
-        settings |= {"trials": 2, "keep": "estimates", "points": SMALL[name]}
-        settings["simulation"] |= {"duration": 16.8}
-        study = read_studies({"studies": {name: settings}})[1][name]
-        results = run_jobs(study, tmp_path)
-        predictions = tmp_path / "predictions.parquet"
-        predict(predictions, name, **study.prediction(NOTEBOOKS["time-varying"].predictions))
-        tables = [str(results.table), str(predictions)]
-        files = {"estimates": results.estimates, "tables": tables}
-        stems = {
-            "table_stem": str(tmp_path / name),
-            "figure_stem": str(tmp_path / f"figure-{name}"),
-        }
-        parameters = report_parameters(
-            study,
-            NOTEBOOKS["time-varying"],
-            files,
-            published=str(ROOT / "data" / "published"),
-            **stems,
-        )
-        return run_cells(parameters), pd.read_csv(tmp_path / f"{name}.csv"), tmp_path
-
-    return run
-
-
-def run_cells(parameters):
-    """Markdown and HTML that the cells of the notebook show."""
-    cells = json.loads((ROOT / "notebooks" / "time-varying.ipynb").read_text(encoding="utf-8"))[
-        "cells"
-    ]
-    shown, names = [], {}
-
-    def show(*outputs):
-        shown.extend(str(getattr(output, "data", output)) for output in outputs)
-
-    with plt.rc_context({"backend": "Agg"}), mock.patch("ankleloop.pages.study_page.display", show):
-        for cell in (cell for cell in cells if cell["cell_type"] == "code"):
-            exec("".join(cell["source"]), names)
-            if "parameters" in cell["metadata"].get("tags", ()):
-                assert set(parameters) <= set(names)
-                names |= parameters
-            names["display"] = show
-    return "\n".join(shown)
-
-
 @pytest.mark.usefixtures("coarse_pictures")
 @pytest.mark.parametrize("name", SMALL)
-def test_the_notebook_shows_every_study(run_notebook, name):
-    shown, table, folder = run_notebook(name)
+def test_the_notebook_shows_every_study(tmp_path, name):
+    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
+    settings = config["studies"][name]
+    settings |= {"trials": 2, "keep": "estimates", "points": SMALL[name]}
+    settings["simulation"] |= {"duration": 16.8}
+    study = read_studies({"studies": {name: settings}})[1][name]
+    shown = run_notebook(study, run_jobs(study, tmp_path), tmp_path)
+    table = pd.read_csv(tmp_path / f"{name}.csv")
     assert table["parameter"].value_counts().nunique() == 1
     assert table["error"].notna().all()
     for figure in ("errors", "trajectories"):
-        assert (folder / f"figure-{name}-{figure}.csv").stat().st_size > 0
-        assert (folder / f"figure-{name}-{figure}.png").stat().st_size > 0
+        assert (tmp_path / f"{name}-{figure}.csv").stat().st_size > 0
+        assert (tmp_path / f"{name}-{figure}.png").stat().st_size > 0
     assert ("1.33 to 4.06 %" in shown) == (name == "open-loop-cycles")
     assert ("rise time [ms]" in shown) == (name == "square-wave")
     assert table["rise"].notna().any() == (name == "square-wave")
