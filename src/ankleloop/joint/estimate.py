@@ -203,7 +203,9 @@ class Estimate:
         Returns
         -------
         matplotlib.figure.Figure
-            The figure, which notebooks show, and ``savefig`` writes; its attribute `data` is the table of its numbers.
+            The figure, which notebooks and ``plt.show`` show, and ``savefig`` writes; its attribute `data` is the table
+            of its numbers. Without a trial it names the measured torque that it shows: that at the samples of the
+            estimate, less its mean.
 
         Raises
         ------

@@ -77,13 +77,26 @@ def _centre(values: np.ndarray) -> np.ndarray:
 
 
 def plot_estimate(estimate: Estimate, trial: xr.Dataset | PreparedTrial | None) -> DataFigure:
-    """Trajectories of an estimate that has them, else its torques; with the true ones of a simulated trial."""
+    """Trajectories of an estimate that has them, else its torques; with the true ones of a simulated trial.
+
+    Pyplot knows the figure, so that ``plt.show`` and ``plt.savefig`` find it.
+    """
+    import matplotlib.pyplot as plt  # here: jobs make figures without it
+
+    estimates = {estimate.method: estimate}
     if estimate.trajectories is None:
-        return torque_figure(trial, {estimate.method: estimate})
-    truths = None
-    if trial is not None:
-        truths = true_trajectories(trial, estimate.trajectories)
-    return trajectories_figure({estimate.method: estimate}, truths)
+        title = ""
+        if trial is None:
+            rate = estimate.torque.attrs["identification_rate"]
+            title = f"measured torque as the estimate holds it: at {rate:g} Hz, less its mean"
+        figure = torque_figure(trial, estimates, title=title)
+    else:
+        truths = None
+        if trial is not None:
+            truths = true_trajectories(trial, estimate.trajectories)
+        figure = trajectories_figure(estimates, truths)
+    plt.figure(figure)
+    return figure
 
 
 def torque_figure(

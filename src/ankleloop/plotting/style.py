@@ -87,7 +87,8 @@ class MethodStyle:
         return {**self.symbol, **self.line}
 
 
-MEASURED = MethodStyle("#888888", "", more={"lw": 1.0, "gid": MARK, "zorder": 1.9})
+# Light and broad, so that every estimate stands out on it, also in grey.
+MEASURED = MethodStyle("#b0b0b0", "", more={"lw": 2.2, "gid": MARK, "zorder": 1.9})
 TRUE = MethodStyle("#000000", "", more={"lw": 1.0, "gid": MARK, "zorder": 1.9})
 # Five of Okabe and Ito's colours and four that differ from them for readers without red or green receptors, too. The
 # colours also differ in lightness where their hues are near; no two methods share a symbol.
@@ -179,6 +180,14 @@ class DataFigure(Figure):
 
     data: pd.DataFrame | None = None
     interactive = ""  # HTML of the same figure with more in it, for the screen
+
+    def _ipython_display_(self) -> None:
+        """Make pyplot forget a figure that a notebook shows, which would else show it again at the end of the cell."""
+        if "inline" in matplotlib.get_backend():
+            import matplotlib.pyplot as plt
+
+            plt.close(self)
+        raise NotImplementedError  # the notebook takes the picture
 
     def _repr_png_(self) -> bytes:
         """Picture for notebooks."""

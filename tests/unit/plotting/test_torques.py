@@ -1,8 +1,10 @@
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from IPython.core.formatters import DisplayFormatter
 
 import ankleloop
 from ankleloop.joint.prepared import prepare
@@ -78,6 +80,8 @@ def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over
     trial, estimates = identified
     estimate = estimates["PR-MOESP"]
     figure = estimate.plot()
+    assert plt.gcf() is figure  # which plt.show and plt.savefig take
+    assert "at 100 Hz, less its mean" in figure.get_suptitle()
     titles = [axis.get_title().replace("\n", " ") for axis in figure.axes]
     assert titles == [
         f"pr-moesp net: VAF {estimate.vaf_net:.1f} % (measured)",
@@ -88,6 +92,11 @@ def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over
     (measured,) = (line for line in figure.axes[1].get_lines() if line.get_label() == "measured")
     expected = estimate.torque["measured"].sel(time=measured.get_xdata())
     np.testing.assert_allclose(measured.get_ydata(), expected, atol=1e-12)
+    (estimated,) = (line for line in figure.axes[1].get_lines() if line is not measured)
+    assert estimated.is_dashed()
+    assert not measured.is_dashed()
+    assert measured.get_linewidth() > 2 * estimated.get_linewidth()
+    plt.close(figure)
     assert "true (simulated)" in set(estimate.plot(trial).data["series"])
 
 
@@ -107,3 +116,15 @@ def test_an_estimate_of_a_joint_that_changes_plots_its_trajectories():
     labels = ["K [N·m/rad]", "B [N·m·s/rad]", "G [N·m·s/rad]"]
     assert [axis.get_ylabel() for axis in estimate.plot().axes[:3]] == labels
     assert set(estimate.plot(trial).data["series"]) == {"riv-tv", "true value"}
+
+
+def test_a_notebook_shows_the_plot_of_an_estimate_once(identified):
+    """As the last line of a cell: pyplot has no figure left that it would show at the end of the cell."""
+    plt.close("all")
+    with plt.rc_context():
+        plt.switch_backend("module://matplotlib_inline.backend_inline")
+        figure = identified[1]["PR-MOESP"].plot()
+        assert plt.gcf() is figure
+        assert "image/png" in DisplayFormatter().format(figure)[0]
+        assert not plt.get_fignums()
+        plt.switch_backend("agg")
