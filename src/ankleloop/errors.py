@@ -26,6 +26,8 @@ class RemediedError(Exception):
 class DataError(RemediedError, ValueError):
     """Data that cannot be used: the message says what is wrong, where, and what to do.
 
+    Its `remedy` has the options that would help, with their values: None where only the user knows the value.
+
     Examples
     --------
     >>> from ankleloop import new_trial
