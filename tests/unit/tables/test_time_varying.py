@@ -131,7 +131,7 @@ def test_efficiency_of_estimates_that_scatter_as_the_bound_says(tmp_path):
     details = details.assign(point="p", method="m")
     path = tmp_path / "predictions.parquet"
     points = {"p": SimulationSettings(**settings).model_dump()}
-    predict(path, "s", points, {"trajectories": 1}, "")
+    predict(path, "s", points, {"trajectories": 1})
     bounds = pd.read_parquet(path)
     table = compare_with_bound(details, bounds, "m").set_index("parameter")
     assert table.loc["K", "efficiency"] == pytest.approx(100.0, rel=0.03)
