@@ -27,11 +27,12 @@ MOST_COLUMNS = 8  # parameters over which lines are drawn
 LEAST_SHARE = 0.5  # of the trials of a point that need an estimate for its mean to be ranked
 # Of the trials of a mean that failed or came with a warning, from which on it is marked.
 FAULT_SHARE = 0.05
+LEAST_CONDITIONS = 3  # of which the interval of a mean says something
 QUANTILES = {"low": 0.1, "median": 0.5, "high": 0.9}  # between the outer ones are 80 % of trials
 DIFFERENCE_STYLE = MethodStyle("#222222", "o")
 BANDS = (
     "bands are 95 % confidence intervals of the mean over the conditions of a value, or over its trials where it has "
-    "one condition"
+    "one condition; a mean over two conditions has none, as two do not tell how others would spread"
 )
 MARKS = (
     f" A ring, or an asterisk: at least {100 * FAULT_SHARE:g} % of the trials of a mean failed, which it leaves out, "
@@ -234,7 +235,8 @@ def summarise_effects(
 
     The interval of a mean is that over conditions, since trials of one condition (the simulated settings of a point)
     share it, and points that differ in options alone share their trials, too. Where a value has a single condition, it
-    is over the trials of that condition.
+    is over the trials of that condition. Over two conditions there is none: it would be 13 times as wide as they
+    are apart.
     """
     values = trials[axis.column]
     table = trials.assign(
@@ -243,11 +245,13 @@ def summarise_effects(
         condition=_number_conditions(trials),
     )
     by = ["parameter", "setting", "method"]
-    has_several = _group(table, by)["condition"].transform("nunique") > 1
-    table["unit"] = table["condition"].where(has_several, table["trial"])
-    units = _group(table, [*by, "unit"])[list(quantities)].mean().reset_index()
-    over_units = measure_statistics(units, by, quantities)[["mean", "sd", "n", "margin"]]
-    return summarise_sweep(table, by, quantities).assign(**over_units)
+    table["several"] = _group(table, by)["condition"].transform("nunique") > 1
+    table["unit"] = table["condition"].where(table["several"], table["trial"])
+    units = _group(table, [*by, "several", "unit"])[list(quantities)].mean().reset_index()
+    rows = measure_statistics(units, [*by, "several"], quantities)
+    is_vague = rows["several"] & (rows["n"] < LEAST_CONDITIONS)
+    rows["margin"] = rows["margin"].mask(is_vague)
+    return summarise_sweep(table, by, quantities).assign(**rows[["mean", "sd", "n", "margin"]])
 
 
 def draw_sweep(sweep: SweepStudy) -> CaptionedFigure:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -53,6 +55,15 @@ def test_axes_choose_the_picture(read):
     )
     figure, _ = draw_map(read(table, varied, quantities=["K"]))
     assert [axis.get_title() for axis in figure.axes if axis.get_title()] == list(LABELS.values())
+
+
+def test_a_picture_says_why_means_over_two_conditions_have_no_band(sweep):
+    """Three gains at each of two levels of voluntary torque: bands over the levels, none over the gains."""
+    figure, caption = draw_sweep(replace(sweep, axes=sweep.axes[:1]))
+    assert not any(axis.collections for axis in figure.axes)
+    assert "a mean over two conditions has none" in caption
+    figure, _ = draw_sweep(replace(sweep, axes=sweep.axes[1:]))
+    assert all(axis.collections for axis in figure.axes)
 
 
 def test_only_a_relevant_share_of_faults_is_marked(sweep):

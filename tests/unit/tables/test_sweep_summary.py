@@ -93,6 +93,13 @@ def test_effect_has_the_interval_over_conditions(trials):
     assert (row["trials"], row["failures"]) == (12, 3)
 
 
+def test_effect_over_two_conditions_has_no_interval(trials):
+    effects = summarise_effects(trials, SweepAxis.of("reflex_gain", "G", [5.0, 10.0]), ["K_error"])
+    assert effects["n"].eq(2).all()
+    assert effects["mean"].notna().all()
+    assert effects["margin"].isna().all()
+
+
 def test_effect_of_an_option_has_the_interval_over_trials():
     table = make_trials(grid(block_rows=[12, 18]), trials=6)
     trials = measure_trials(table, ["block_rows"], ["K"], SETTINGS)
