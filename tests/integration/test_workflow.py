@@ -1,5 +1,6 @@
 """The whole DAG, in a copy of the repository, as a user runs it."""
 
+import json
 import re
 import shutil
 from collections import Counter
@@ -226,6 +227,18 @@ def test_the_whole_paper_is_there(reproduction):
     for study in ("table2", "figure4", "passes", "voluntary", "load", "projection", "real-time"):
         page(reproduction / f"results/reports/{study}.html")
     assert "stand-in" in page(reproduction / "results/reports/table2.html")
+
+
+def test_the_report_of_snakemake_describes_every_result(reproduction, reduced):
+    reduced("--report", "report.html")
+    text = (reproduction / "report.html").read_text(encoding="utf-8")
+    entries = text.partition('<script id="results">')[2].partition("var results = ")[2]
+    results, _ = json.JSONDecoder().raw_decode(entries)
+    assert {"results/article.html", "results/figures/figure1.png"} <= set(results)
+    assert len([path for path in results if path.startswith("results/figures/")]) > 20
+    for path, result in results.items():
+        assert re.sub(r"<[^>]*>|\s", "", result["caption"]), path
+        assert result["labels"].get("result"), path
 
 
 def test_recordings_of_a_laboratory(reproduction):

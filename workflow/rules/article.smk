@@ -21,6 +21,7 @@ rule verify:
             "results/verification.csv",
             category="Verification",
             caption="../report/verification.rst",
+            labels={"result": "ledger"},
         ),
     log:
         "logs/verify.log",
@@ -63,12 +64,17 @@ rule article:
             "results/article.html",
             category="Article",
             caption="../report/article.rst",
+            labels={"result": "article"},
         ),
-        diagrams=report(
-            [f"results/figures/{name}" for name in DIAGRAMS],
-            category="Figures 1 and 2",
-            caption="../report/diagrams.rst",
-        ),
+        diagrams=[
+            report(
+                f"results/figures/{name}",
+                category="Figures 1 and 2",
+                caption="../report/diagrams.rst",
+                labels={"result": name},
+            )
+            for name in DIAGRAMS
+        ],
     log:
         "logs/article.log",
     benchmark:

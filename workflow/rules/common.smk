@@ -98,6 +98,13 @@ def title_of(wildcards):
     return study_of(wildcards).title
 
 
+def of_report(path, result):
+    """A result of a study in Snakemake's report, with the text of its rule as caption."""
+    caption = "../report/study.rst"
+    labels = {"result": result}
+    return report(path, category=title_of, caption=caption, labels=labels)
+
+
 def notebook_of(wildcards):
     """Notebook that renders a study, as the list of notebooks describes it."""
     return NOTEBOOKS[study_of(wildcards).settings.notebook]

@@ -8,16 +8,8 @@ rule report:
         published=published_of,
         settings=lambda w: settings_file(study_of(w), "report", study_of(w).describe()),
     output:
-        page=report(
-            "results/reports/{study}.html",
-            category=title_of,
-            caption="../report/study.rst",
-        ),
-        table=report(
-            "results/tables/{study}.csv",
-            category=title_of,
-            caption="../report/study.rst",
-        ),
+        page=of_report("results/reports/{study}.html", "page"),
+        table=of_report("results/tables/{study}.csv", "table"),
         markdown="results/tables/{study}.md",
         figures=directory("results/rendered/{study}"),
     log:
@@ -50,11 +42,7 @@ rule figure:
     input:
         folder="results/rendered/{study}",
     output:
-        png=report(
-            "results/figures/{study}-{figure}.png",
-            category=title_of,
-            caption="../report/study.rst",
-        ),
+        png=of_report("results/figures/{study}-{figure}.png", "{figure}"),
         pdf="results/figures/{study}-{figure}.pdf",
         csv="results/figures/{study}-{figure}.csv",
     log:
