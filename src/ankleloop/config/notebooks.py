@@ -20,6 +20,7 @@ LIST = Path(__file__).parents[3] / "notebooks" / "notebooks.yaml"
 Need = Literal[
     "trials",
     "estimates",
+    "a setting",
     "one setting",
     "two settings",
     "one abscissa",
@@ -128,6 +129,7 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             keep != "scores",
             "estimates on disk, which keep: scores leaves out: keep estimates",
         ),
+        "a setting": (varied, "a setting that differs between the points"),
         "one setting": (
             len(varied) == 1,
             f"one setting that differs between the points, got {names}",
