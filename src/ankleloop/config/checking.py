@@ -71,16 +71,18 @@ def check(model: type[Options], values: Any, *place: str) -> Any:
     if kind == "extra_forbidden":
         shown = keys[:-1]
         known = [field.alias or key for key, field in owner.model_fields.items()]
-        known_here = f"known here: {', '.join(known)}"
-        sentence = f"unknown key {name!r}{suggest_name(name, known)}; {known_here}"
+        sentence = (
+            f"unknown key {name!r}{suggest_name(name, known)}; known here: {', '.join(known)}"
+        )
     elif kind in ("missing", "union_tag_not_found"):
         sentence = f"the key {keys.pop()!r} is missing"
     elif kind == "union_tag_invalid":
         sentence = f"must be one of {context['expected_tags']}; got {context['tag']!r}"
     elif kind == "string_pattern_mismatch":
         signs = "_ - ." if "." in context["pattern"] else "_ -"
-        form = f"letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
-        sentence = f"must consist of {form}"
+        sentence = (
+            f"must consist of letters A-Z a-z, digits and {signs}, and begin with a letter or digit"
+        )
     else:
         sentence = describe_error(fault, owner.unit(name), owner.limits(name))
         sentence += _find_remedy(kind, fault["input"])
@@ -133,10 +135,9 @@ def check_cases(key: str, names: Iterable[str]) -> None:
     for name in names:
         other = first.setdefault(name.lower(), name)
         if other != name:
-            fault = (
-                f"{other!r} and {name!r} differ in capitals only, which some file systems ignore"
+            raise ConfigError(
+                f"{key}: {other!r} and {name!r} differ in capitals only, which some file systems ignore."
             )
-            raise ConfigError(f"{key}: {fault}.")
 
 
 def find_kind(annotation: Any) -> str:
@@ -159,9 +160,10 @@ def expand_path(text: str, place: str) -> Path:
     template = Template(text)
     for name in template.get_identifiers():
         if not os.environ.get(name):
-            fault = f"{place} is {text}, but the environment variable {name} is not set"
-            example = f"export {name}=/folder/of/your/recordings (a dollar sign in the name of a folder is $$)"
-            raise ConfigError(f"{fault}. Set it to the folder, for example: {example}.")
+            raise ConfigError(
+                f"{place} is {text}, but the environment variable {name} is not set. Set it to the folder, for "
+                f"example: export {name}=/folder/of/your/recordings (a dollar sign in the name of a folder is $$)."
+            )
     return Path(os.path.expanduser(template.safe_substitute(os.environ)))
 
 
@@ -186,9 +188,10 @@ def check_config_file(path: PathLike) -> None:
             nodes += node.value
         elif kind in ("int", "float") and OTHER_NUMBER.fullmatch(node.value):
             number = yaml.safe_load(node.value)
-            fault = f"YAML reads {node.value} as {number}"
-            remedy = f"write {number}, or put '{node.value}' in quotes if it is text"
-            raise ConfigError(f"{path}, line {node.start_mark.line + 1}: {fault}: {remedy}.")
+            raise ConfigError(
+                f"{path}, line {node.start_mark.line + 1}: YAML reads {node.value} as {number}: "
+                f"write {number}, or put '{node.value}' in quotes if it is text."
+            )
 
 
 def _check_keys(path: PathLike, keys: Sequence[yaml.Node]) -> None:
@@ -199,17 +202,18 @@ def _check_keys(path: PathLike, keys: Sequence[yaml.Node]) -> None:
         line = key.start_mark.line + 1
         kind = key.tag.rpartition(":")[2]
         if kind not in ("str", "merge"):
-            fault = f"YAML reads the key {name} as {kind}: put it in quotes"
-            raise ConfigError(f"{path}, line {line}: {fault}.")
-        if name == TEMPLATE_KEY:
-            fault = f"with the key {name} Snakemake runs Python code of this file when it reads it"
-            remedy = "leave it out. If the file is from somebody else, look what it ran"
             raise ConfigError(
-                f"{path}, line {line}: {fault}, before anything can check it: {remedy}."
+                f"{path}, line {line}: YAML reads the key {name} as {kind}: put it in quotes."
+            )
+        if name == TEMPLATE_KEY:
+            raise ConfigError(
+                f"{path}, line {line}: with the key {name} Snakemake runs Python code of this file when it reads it, "
+                "before anything can check it: leave it out. If the file is from somebody else, look what it ran."
             )
         if name in lines:
-            fault = f"the key {name!r} in line {line} stands in line {lines[name]}, too"
-            raise ConfigError(f"{path}: {fault}.")
+            raise ConfigError(
+                f"{path}: the key {name!r} in line {line} stands in line {lines[name]}, too."
+            )
         lines[name] = line
 
 
@@ -264,16 +268,19 @@ def read_rows(path: PathLike) -> Iterator[tuple[str, dict[str, str]]]:
         reader.fieldnames = keys
         names = list(filter(None, keys))
         if len(set(names)) < len(names) or re.search("[;\t]", "".join(names)):
-            form = "columns have names of their own, with commas between them (no semicolons, no tabulators)"
-            raise ConfigError(f"{path}, line 1: {form}; got {', '.join(keys)}.")
+            raise ConfigError(
+                f"{path}, line 1: columns have names of their own, with commas between them (no semicolons, "
+                f"no tabulators); got {', '.join(keys)}."
+            )
         for row in reader:
             place = f"{path}, line {reader.line_num}"
             has_spare = any(row.pop("", ""))
             has_values = any(row.values())
             if has_spare or (None in row.values() and has_values):
-                fault = f"the row does not fit the {len(keys)} columns"
-                remedy = "put texts with commas in quotes, and write the commas of empty cells, too"
-                raise ConfigError(f"{place}: {fault}: {remedy}. Is the table cut off?")
+                raise ConfigError(
+                    f"{place}: the row does not fit the {len(keys)} columns: put texts with commas in quotes, and "
+                    "write the commas of empty cells, too. Is the table cut off?"
+                )
             if has_values:
                 yield place, {key: text.strip() for key, text in row.items()}
     except csv.Error as error:

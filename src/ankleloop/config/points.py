@@ -25,11 +25,10 @@ from ankleloop.config.checking import (
     read_rows,
 )
 from ankleloop.options import Options, option, show_value, suggest_name
-from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.settings import LOAD_SETTINGS, SimulationSettings
 
 SETTING_NAMES = tuple(SimulationSettings.model_fields)
 LOAD = "load"  # as `simulate` has it
-LOAD_SETTINGS = ("load_inertia", "load_viscosity", "load_stiffness")
 SIMULATION = ""  # owner of the settings, beside the methods, which own their options
 MAX_POINTS = 100_000  # of a grid
 DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a design have half of them
@@ -54,13 +53,13 @@ class _Limits(Options):
 
     @model_validator(mode="after")
     def _check_limits(self) -> Self:
-        start = f"{self.start:g}"
         if self.stop < self.start:
-            fault = f"stop must be at least start ({start}), got {self.stop:g}"
-            raise ValueError(f"{fault}: values are in ascending order")
+            raise ValueError(
+                f"stop must be at least start ({self.start:g}), got {self.stop:g}: values are in ascending order"
+            )
         if self.scale == "logarithmic" and self.start <= 0:
             raise ValueError(
-                f"a logarithmic scale begins above 0, got start: {start}; a linear one may hold 0"
+                f"a logarithmic scale begins above 0, got start: {self.start:g}; a linear one may hold 0"
             )
         return self
 
@@ -116,8 +115,9 @@ class Design(Options):
     def _check_count(self) -> Self:
         power = 1 << self.count.bit_length() - 1
         if self.design == "sobol" and self.count != power:
-            fault = f"the count of a Sobol design is a power of two: {power} or {2 * power}"
-            raise ValueError(f"{fault}, got {self.count}")
+            raise ValueError(
+                f"the count of a Sobol design is a power of two: {power} or {2 * power}, got {self.count}"
+            )
         return self
 
 
@@ -187,8 +187,9 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
             options={name: own for name, own in options.items() if own},
         )
         if points.setdefault(tuple(values.values()), point) is not point:
-            fault = f"the point {point.name} is listed twice"
-            raise ConfigError(f"{' → '.join(where)}: {fault}.", place)
+            raise ConfigError(
+                f"{' → '.join(where)}: the point {point.name} is listed twice.", place
+            )
         conditions.setdefault(point.condition, {**dict(shared), **settings})
     return list(points.values()), conditions, parameters
 
@@ -233,8 +234,9 @@ def _list_combinations(
     grids = [entry] if is_mapping else entry
     is_list = isinstance(grids, list) and all(isinstance(grid, Mapping) for grid in grids)
     if not is_list or not grids:
-        form = "lists of values by setting, or a list of points with their settings"
-        raise key_error(place, f"must be {form}.")
+        raise key_error(
+            place, "must be lists of values by setting, or a list of points with their settings."
+        )
     names: dict[str, None] = {}
     for name in itertools.chain(*grids):
         names |= dict.fromkeys(LOAD_SETTINGS if name == LOAD else [name])
@@ -248,8 +250,10 @@ def _list_combinations(
     ]
     count = sum(math.prod(map(len, choices)) for choices in lists)
     if count > MAX_POINTS:
-        fault = f"{count:,} points are more than {MAX_POINTS:,}"
-        raise key_error(place, f"{fault}: divide them among several studies.")
+        raise key_error(
+            place,
+            f"{count:,} points are more than {MAX_POINTS:,}: divide them among several studies.",
+        )
     chosen = itertools.chain(*(itertools.product(*choices) for choices in lists))
     return parameters, (
         ("", {name: value for part in parts for name, value in part.items()}) for parts in chosen
@@ -267,8 +271,10 @@ def _list_choices(
         has_lists = isinstance(values, list) and any(isinstance(value, list) for value in values)
         loads = values if has_lists else [values]
         if not all(isinstance(load, list) and len(load) == len(LOAD_SETTINGS) for load in loads):
-            fault = f"must be [inertia, viscosity, stiffness], or a list of those, got {show_value(values)}."
-            raise key_error((*place, name), fault)
+            raise key_error(
+                (*place, name),
+                f"must be [inertia, viscosity, stiffness], or a list of those, got {show_value(values)}.",
+            )
         return [dict(zip(LOAD_SETTINGS, load, strict=True)) for load in loads]
     if not is_grid and not isinstance(values, (list, Mapping)):
         values = [values]
@@ -331,8 +337,10 @@ def _check_values(parameter: Parameter, values: Any, place: Place, model: type[_
     if isinstance(values, list) and values:
         return values
     if not isinstance(values, Mapping) or parameter.kind not in ("number", "count"):
-        form = "a list of values, or of numbers a range (start, stop)"
-        raise key_error(place, f"must be {form}, got {show_value(values)}.")
+        raise key_error(
+            place,
+            f"must be a list of values, or of numbers a range (start, stop), got {show_value(values)}.",
+        )
     return check(model, values, "config", *place)
 
 
@@ -356,19 +364,26 @@ def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> Par
             pairs = [(method, option) for method in methods for option in fields[method]]
             options = dict.fromkeys(option for _, option in pairs)
             known = [*SETTING_NAMES, *options, *map(".".join, pairs)]
-            fault = f"{name!r} is not a setting of the simulation{suggest_name(name, known)}"
-            fault += f"; known: {', '.join(SETTING_NAMES)}; nor an option of a method of the study"
-            raise key_error(place, f"{fault}; known: {', '.join(options)}.")
+            raise key_error(
+                place,
+                f"{name!r} is not a setting of the simulation{suggest_name(name, known)}; "
+                f"known: {', '.join(SETTING_NAMES)}; nor an option of a method of the study; "
+                f"known: {', '.join(options)}.",
+            )
         for owner in owners:
             other = names_of.setdefault((owner, field), name)
             if other != name:
-                fault = f"{other} and {name} are the same option of the method {owner}"
-                raise key_error(place, f"{fault}: leave one out.")
+                raise key_error(
+                    place,
+                    f"{other} and {name} are the same option of the method {owner}: leave one out.",
+                )
             if owner == SIMULATION:
                 continue
             if field in methods[owner].options.model_fields_set | methods[owner].select.keys():
-                fault = f"the method {owner} has {field} under options or select as well"
-                raise key_error((*place, name), f"{fault}: leave it out there.")
+                raise key_error(
+                    (*place, name),
+                    f"the method {owner} has {field} under options or select as well: leave it out there.",
+                )
         kind = find_kind(fields[owners[0]][field].annotation)
         parameters[name] = Parameter(field, owners, kind)
     return parameters

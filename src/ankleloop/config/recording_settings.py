@@ -119,15 +119,15 @@ def read_recordings(path: PathLike, defaults: Mapping[str, Any]) -> dict[str, li
         name = row.recording_name
         part = Recording(**row.model_dump(exclude={"name", "batch"}))
         if not re.fullmatch(RECORDING_NAME, name) or len(name) > MAX_NAME:
-            form = f"at most {MAX_NAME} letters A-Z a-z, digits and _ - ., and begin with a letter or digit"
-            fault = f"the name {show_value(name)} must consist of {form}"
-            raise ConfigError(f"{place}: {fault}: write another one into the column name.")
+            raise ConfigError(
+                f"{place}: the name {show_value(name)} must consist of at most {MAX_NAME} letters A-Z a-z, digits and "
+                "_ - ., and begin with a letter or digit: write another one into the column name."
+            )
         parts = recordings.setdefault(name, [])
         is_merged = row.batch and name in batches
         if part in parts or (parts and not is_merged):
-            fault = f"the name {name!r} is taken"
             raise ConfigError(
-                f"{place}: {fault}; give each row, and each batch, a name of its own."
+                f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own."
             )
         batches.add(row.batch)
         parts.append(part)

@@ -58,8 +58,10 @@ def check_uses(study: SimulatedStudy) -> None:
     _check_methods(study)
     end = min(condition["duration"] for condition in study.conditions.values())
     if figure.start >= end and "start" in figure.model_fields_set:
-        fault = f"{figure.start:g} s is after the end of trials of {end:g} s."
-        raise key_error((*place, "figure", "start"), fault)
+        raise key_error(
+            (*place, "figure", "start"),
+            f"{figure.start:g} s is after the end of trials of {end:g} s.",
+        )
     if settings.notebook == "sweep" or "sweep" in settings.model_fields_set:
         try:
             settings.sweep.check(study.varied, study.methods)
@@ -76,8 +78,10 @@ def check_notebook(study: Study, notebooks: Mapping[str, Notebook]) -> None:
         return
     known = [other for other, notebook in notebooks.items() if notebook.kind == kind]
     if name not in known:
-        fault = f"there is no notebook {name!r} for {kind}{suggest_name(name, known)}"
-        raise key_error(place, f"{fault}; there are {', '.join(known)}.")
+        raise key_error(
+            place,
+            f"there is no notebook {name!r} for {kind}{suggest_name(name, known)}; there are {', '.join(known)}.",
+        )
     if isinstance(study, SimulatedStudy):
         lacks = find_needs(study)
         for need in notebooks[name].needs:
@@ -100,13 +104,16 @@ def _check_methods(study: SimulatedStudy) -> None:
             try:
                 decimation_grid(samples, rate, options["identification_rate"], delay)
             except DataError as error:
-                fault = f"at the point {point.name}: {error}"
-                raise key_error((*place, "methods", name, "options"), fault) from None
+                raise key_error(
+                    (*place, "methods", name, "options"), f"at the point {point.name}: {error}"
+                ) from None
     for column, parameter in study.parameters.items():
         is_rate = parameter.field == "identification_rate" and SIMULATION not in parameter.owners
         if is_rate and study.settings.keep != "scores":
-            message = "estimates of different rates are not kept in one file: set keep: scores."
-            raise key_error((*place, "points", column), message)
+            raise key_error(
+                (*place, "points", column),
+                "estimates of different rates are not kept in one file: set keep: scores.",
+            )
 
 
 def report_parameters(

@@ -357,9 +357,10 @@ class Config(Options):
                 raise ValueError("article: its studies are simulated and have a notebook")
             table1 = self.studies["table1"] if "table1" in self.article else None
             if not isinstance(table1, SimulationStudy) or table1.keep != "everything":
-                fault = "the economy of the methods is measured on the trials of the study 'table1'"
-                remedy = "name it and set its keep: everything, or set article: [] to make none"
-                raise ValueError(f"article: {fault}: {remedy}")
+                raise ValueError(
+                    "article: the economy of the methods is measured on the trials of the study 'table1': "
+                    "name it and set its keep: everything, or set article: [] to make none"
+                )
         return self
 
 

@@ -222,8 +222,10 @@ class RecordedStudy(Study):
             path = expand_path(settings.table, f"study {self.name}: the table of its recordings")
             for name, parts in read_recordings(path, settings.shared).items():
                 if name in recordings:
-                    fault = f"the recording {name!r} is under files and in the table"
-                    raise key_error(place, f"{fault} {settings.table}.")
+                    raise key_error(
+                        place,
+                        f"the recording {name!r} is under files and in the table {settings.table}.",
+                    )
                 recordings[name] = parts
         if not recordings:
             raise key_error(place, "name its recordings under files, or a table that lists them.")
@@ -261,12 +263,16 @@ class RecordedStudy(Study):
             paths += point["paths"]
             for path in point["paths"]:
                 if re.search("[{}]", path):
-                    fault = f"Snakemake takes the braces of {path} for wildcards: rename it"
-                    raise key_error((*place, "files"), f"the recording {name}: {fault}.")
+                    raise key_error(
+                        (*place, "files"),
+                        f"the recording {name}: Snakemake takes the braces of {path} for wildcards: rename it.",
+                    )
         if not any(map(os.path.exists, paths)):
-            fault = f"none of its {len(paths)} files exists"
             first = os.path.abspath(paths[0])
-            raise key_error((*place, "folder"), f"{fault}; the first would be {first}.")
+            raise key_error(
+                (*place, "folder"),
+                f"none of its {len(paths)} files exists; the first would be {first}.",
+            )
 
     def existing_paths(self, chunk: int) -> list[str]:
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
