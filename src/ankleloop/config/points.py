@@ -326,6 +326,10 @@ def _draw_values(
         choices: Sequence[Any] = limits
     elif is_count and limits.scale == "linear":  # each whole number has the same share
         choices = range(math.ceil(limits.start), math.floor(limits.stop) + 1)
+        if not choices:
+            raise key_error(
+                place, f"there is no whole number from {limits.start:g} to {limits.stop:g}."
+            )
     else:
         drawn = limits.interpolate(shares, DIGITS // 2)
         return [round(value) for value in drawn] if is_count else drawn

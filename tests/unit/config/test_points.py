@@ -190,6 +190,10 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
             "block_rows=15,reflex_gain=8.0 is listed twice",
         ),
         ({"load": [0.1, 10.0]}, r"load: must be \[inertia, viscosity, stiffness\], or a list of"),
+        (
+            {"design": "sobol", **DESIGN, "parameters": {"order": {"start": 1.2, "stop": 1.8}}},
+            r"points → parameters → order: there is no whole number from 1\.2 to 1\.8",
+        ),
     ],
 )
 def test_refusals(points, message):
