@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 
 from pydantic import (
     Field,
-    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     StringConstraints,
     ValidationError,
     WithJsonSchema,
+    WrapValidator,
     create_model,
     model_validator,
 )
-from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
+from pydantic_core import InitErrorDetails, core_schema
 
 from ankleloop.config.checking import Values, check, check_cases
 from ankleloop.config.recording_settings import MAX_NAME, RECORDING_NAME, Recording
@@ -100,16 +100,16 @@ def _union_of_methods() -> Any:
     for name, entry in METHODS.items():
         names.setdefault(entry.options, []).append(name)
     models = tuple(_settings_of(options, *members) for options, members in names.items())
-    return Annotated[Union[models], Field(discriminator="method"), _OrRegistered()]  # noqa: UP007 # of a list
+    return Annotated[
+        Union[models],  # noqa: UP007 # of a list
+        Field(discriminator="method"),
+        WrapValidator(_check_method),
+        _OrRegistered(),
+    ]
 
 
 class _OrRegistered:
-    """Lets the methods of a study be registered by other packages; each is then checked by its own options."""
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
-        return core_schema.no_info_wrap_validator_function(_check_method, handler(source))
+    """Lets the JSON schema have methods that other packages register."""
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
@@ -131,9 +131,13 @@ def _check_method(value: Any, check_built_in: Callable[[Any], Any]) -> Any:
     try:
         entry = find_method(name)
     except ValueError as error:
-        fault = PydanticCustomError("value_error", "{error}", {"error": str(error)})
-        details = InitErrorDetails(type=fault, loc=("method",), input=name)
-        raise ValidationError.from_exception_data("method", [details]) from None
+        fault: InitErrorDetails = {
+            "type": "value_error",
+            "loc": ("method",),
+            "input": name,
+            "ctx": {"error": error},
+        }
+        raise ValidationError.from_exception_data("method", [fault]) from None
     return check(_settings_of(entry.options, name), value)
 
 
@@ -205,16 +209,15 @@ class _StudySettings(Options):
                     f"methods: {name} is the name of another method: choose another name"
                 )
         labels = Counter(method.label or name for name, method in self.methods.items())
-        for label in labels:
+        for label, count in labels.items():
             if label.startswith("_"):
                 raise ValueError(
                     f"methods: legends leave out labels with a low line in front, got {label!r}"
                 )
-        label, count = labels.most_common(1)[0]
-        if count > 1:
-            raise ValueError(
-                f"methods: {count} methods have the label {label!r}; give each one of its own"
-            )
+            if count > 1:
+                raise ValueError(
+                    f"methods: {count} methods have the label {label!r}; give each one of its own"
+                )
         _check_list("figure: methods", self.figure.methods, "method", self.methods)
         return self
 
@@ -352,10 +355,10 @@ class Config(Options):
         _check_list("run", self.run, "study", self.studies)
         _check_list("article", self.article, "study", self.studies)
         if self.article_names:
-            studies = [self.studies[name] for name in self.article]
-            if not all(isinstance(study, SimulationStudy) and study.notebook for study in studies):
+            studies = {name: self.studies[name] for name in self.article}
+            if not all(study.kind == "simulation" and study.notebook for study in studies.values()):
                 raise ValueError("article: its studies are simulated and have a notebook")
-            table1 = self.studies["table1"] if "table1" in self.article else None
+            table1 = studies.get("table1")
             if not isinstance(table1, SimulationStudy) or table1.keep != "everything":
                 raise ValueError(
                     "article: the economy of the methods is measured on the trials of the study 'table1': "
