@@ -11,7 +11,6 @@ from ankleloop.config.checking import check
 from ankleloop.config.points import SIMULATION
 from ankleloop.config.study import SimulatedStudy, Study
 from ankleloop.options import Options, option
-from ankleloop.quantities import SETTINGS
 from ankleloop.trials.files import PathLike
 
 # Of the repository in which the library lies; an installed library has none.
@@ -42,6 +41,7 @@ Need = Literal[
     "usual perturbation",
 ]
 Prediction = Literal["known delay", "unknown delay", "reference alone", "trajectories", "pilots"]
+TRUTHS = {"stiffness", "viscosity", "inertia", "reflex_gain"}
 NO_BOUND = ("reflex_threshold", "variation", "movement", "locked_torque")  # where one is not 0
 
 
@@ -83,11 +83,13 @@ def list_figures(study: Study, notebook: Notebook | None) -> dict[str, str]:
     """Captions of the figures that a notebook draws of a study, by name."""
     if notebook is None:
         return {}
-    names = [method.method for method in study.methods.values()]
-    axes = getattr(study.settings, "sweep", None)
-    varied = (axes.axes if axes else None) or study.varied
+    varied = study.varied
+    if isinstance(study, SimulatedStudy):
+        varied = study.settings.sweep.axes or varied
     has = {
-        "singular values": any(name.endswith("moesp") for name in names),
+        "singular values": any(
+            method.method.endswith("moesp") for method in study.methods.values()
+        ),
         "three parameters": len(varied) > 2,
     }
     more = {name: part.caption for name, part in notebook.conditional.items() if has[part.has]}
@@ -95,12 +97,13 @@ def list_figures(study: Study, notebook: Notebook | None) -> dict[str, str]:
 
 
 def find_needs(study: SimulatedStudy) -> dict[str, str]:
-    """What the study lacks of each need that a notebook may have, in words; empty where it has it."""
+    """What the study lacks of the needs that a notebook may have, in words by the need."""
     keep = study.settings.keep
     varied = study.varied
     methods = study.methods
     points = study.points.values()
     algorithms = [method.method for method in methods.values()]
+    listed = ", ".join(algorithms)
     names = ", ".join(varied) or "none"
     options = [
         name for name, parameter in study.parameters.items() if SIMULATION not in parameter.owners
@@ -114,12 +117,10 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
         for method in methods.values()
         if method.method == "parallel-cascade"
     ]
-    truths = {SETTINGS[name] for name in ("K", "B", "I", "G")}
     searches_delay = any(
         method.method == "riv" and method.fixed_options.get("delay", 0.0) is None
         for method in methods.values()
     )
-    smooth = [settings for settings in points if settings["variation_shape"] != "square"]
     needs: dict[str, tuple[object, str]] = {
         "trials": (
             keep == "everything",
@@ -152,21 +153,21 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             "scores against the true torques: leave out against: measured",
         ),
         "shared truths": (
-            not truths & set(varied),
+            TRUTHS.isdisjoint(varied),
             f"points with the same stiffness, viscosity, inertia and reflex gain, got {names}",
         ),
         "real-time": (
             algorithms == ["real-time"],
-            f"one method, real-time, got {', '.join(algorithms)}",
+            f"one method, real-time, got {listed}",
         ),
-        "riv": (algorithms == ["riv"], f"one method, riv, got {', '.join(algorithms)}"),
+        "riv": (algorithms == ["riv"], f"one method, riv, got {listed}"),
         "cascade": (
             any(count != 1 for count in passes),
             "a method parallel-cascade of more than one pass (max_passes)",
         ),
         "cascades": (
             len(passes) == len(methods),
-            f"methods parallel-cascade alone, got {', '.join(algorithms)}",
+            f"methods parallel-cascade alone, got {listed}",
         ),
         "stop rule": (
             any(name.startswith("parallel-cascade") for name in methods),
@@ -187,8 +188,12 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             f"a Cramér-Rao bound at every point: {', '.join(NO_BOUND)} must be 0 or null",
         ),
         "trajectory bound": (
-            not any(settings["reflex_threshold"] for settings in smooth)
-            and all(settings["snr_db"] is not None or settings["voluntary"] for settings in smooth),
+            all(
+                not settings["reflex_threshold"]
+                and (settings["snr_db"] is not None or settings["voluntary"])
+                for settings in points
+                if settings["variation_shape"] != "square"
+            ),
             "a bound of the trajectories at every point: set reflex_threshold: 0, and snr_db or voluntary",
         ),
         "usual perturbation": (
@@ -196,4 +201,4 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             "a point with the usual perturbation, prbs with switching_interval: 0.1",
         ),
     }
-    return {name: "" if has_it else words for name, (has_it, words) in needs.items()}
+    return {name: words for name, (has_it, words) in needs.items() if not has_it}

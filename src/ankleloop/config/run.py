@@ -85,7 +85,7 @@ def check_notebook(study: Study, notebooks: Mapping[str, Notebook]) -> None:
     if isinstance(study, SimulatedStudy):
         lacks = find_needs(study)
         for need in notebooks[name].needs:
-            if lacks[need]:
+            if need in lacks:
                 raise key_error(place, f"{name} needs {lacks[need]}.")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -76,8 +77,9 @@ class SimulatedStudy(Study):
 
     def __init__(self, name: str, settings: SimulationStudy) -> None:
         super().__init__(name, settings)
-        points = list_points(name, settings.points, settings.simulation, settings.methods)
-        self.point_list, self.conditions, self.parameters = points
+        self.point_list, self.conditions, self.parameters = list_points(
+            name, settings.points, settings.simulation, settings.methods
+        )
         self.varied = list(self.parameters)
         # All settings and varied options of each point.
         self.points = {
@@ -86,7 +88,7 @@ class SimulatedStudy(Study):
         }
         # Of the table of its trials.
         self.rows = len(self.point_list) * len(settings.methods) * settings.trials
-        self._points_of: dict[str, list[Point]] = {condition: [] for condition in self.conditions}
+        self._points_of: dict[str, list[Point]] = defaultdict(list)  # by condition
         for point in self.point_list:
             self._points_of[point.condition].append(point)
         self.identified_methods = {
@@ -151,14 +153,18 @@ class SimulatedStudy(Study):
 
         `simulation` makes the trials; it is empty where they are read from a trial file.
         """
-        conditions = {}
         parts = self.chunks[chunk]
-        for condition, first, stop in parts:
-            points = {
-                point.name: {"values": point.values, "options": point.options}
-                for point in self._points_of[condition]
+        conditions = {
+            condition: {
+                "first": first,
+                "stop": stop,
+                "points": {
+                    point.name: {"values": point.values, "options": point.options}
+                    for point in self._points_of[condition]
+                },
             }
-            conditions[condition] = {"first": first, "stop": stop, "points": points}
+            for condition, first, stop in parts
+        }
         return {
             "simulation": {} if self.trial_files else self.simulation(parts),
             "conditions": conditions,
@@ -260,8 +266,8 @@ class RecordedStudy(Study):
         place = ("studies", self.name)
         paths = []
         for name, point in self.points.items():
-            paths += point["paths"]
             for path in point["paths"]:
+                paths.append(path)
                 if re.search("[{}]", path):
                     raise key_error(
                         (*place, "files"),
@@ -276,8 +282,12 @@ class RecordedStudy(Study):
 
     def existing_paths(self, chunk: int) -> list[str]:
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
-        paths = [path for mapping in self.chunks[chunk].values() for path in mapping["paths"]]
-        return list(filter(os.path.exists, paths))
+        return [
+            path
+            for mapping in self.chunks[chunk].values()
+            for path in mapping["paths"]
+            if os.path.exists(path)
+        ]
 
 
 def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:
