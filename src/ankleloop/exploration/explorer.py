@@ -112,12 +112,9 @@ def make_widget(model: type[Options], name: str, limits: Range | None) -> widget
 
 def _list_choices(model: type[Options], name: str) -> list[tuple[str, str | None]]:
     """Words of a setting or an option with their values; without a word it is the method's own."""
-    choices: list[tuple[str, str | None]] = []
-    for member in union_members(model.model_fields[name].annotation):
-        if member is NoneType:
-            choices.insert(0, ("the method's own", None))
-        choices += [(value, value) for value in get_args(member)]
-    return choices
+    members = union_members(model.model_fields[name].annotation)
+    own = [("the method's own", None)] if NoneType in members else []
+    return own + [(value, value) for member in members for value in get_args(member)]
 
 
 def show_experiment(*, bootstrap: bool, **values: Any) -> None:
@@ -163,20 +160,13 @@ def tabulate_parameters(
 ) -> pd.DataFrame:
     """True and estimated parameters as text, with 95 % intervals where there are some."""
     model = SimulationSettings(**settings)
-    truth = {name: getattr(model, setting) for name, setting in SETTINGS.items()}
-    columns = {"true": {name: _format(value) for name, value in truth.items()}}
+    table = pd.DataFrame(index=list(SETTINGS))
+    table["true"] = [f"{getattr(model, setting):.3g}" for setting in SETTINGS.values()]
     for label, estimate in estimates.items():
-        columns[label] = {
-            name: _format(value, estimate.intervals.get(name))
-            for name, value in {**estimate.stiffness, **estimate.reflex}.items()
-            if name in truth
-        }
-    rows = [f"{QUANTITIES[name].symbol} [{QUANTITIES[name].unit}]" for name in truth]
-    return pd.DataFrame(columns, index=list(truth)).fillna("–").set_axis(rows)
-
-
-def _format(value: float, ends: tuple[float, float] | None = None) -> str:
-    text = f"{value:.3g}"
-    if ends is not None:
-        text += f" ({ends[0]:.3g} … {ends[1]:.3g})"
-    return text
+        values = {**estimate.stiffness, **estimate.reflex}
+        cells = {name: f"{value:.3g}" for name, value in values.items()}
+        for name in cells.keys() & estimate.intervals:
+            low, high = estimate.intervals[name]
+            cells[name] += f" ({low:.3g} … {high:.3g})"
+        table[label] = pd.Series(cells)
+    return table.fillna("–").rename(index=lambda name: QUANTITIES[name].label)

@@ -53,7 +53,7 @@ def reached_files(*scripts: PathLike) -> set[Path]:
         remaining |= _parse(path) - modules
     data: set[Path] = set()
     for folder in {folder for path in modules for folder in path.parent.iterdir()}:
-        files = [file for file in folder.rglob("*") if file.is_file()]
+        files = list(filter(Path.is_file, folder.rglob("*")))
         has_modules = any(file.suffix == ".py" for file in files)
         if folder.name != "__pycache__" and not has_modules:
             data.update(files)

@@ -45,8 +45,7 @@ def running(snakemake: Any) -> Iterator[None]:
 
 def _describe(snakemake: Any) -> str:
     """Rule and wildcards of a job, and how many trials or recordings it takes."""
-    words = [snakemake.rule.replace("_", " "), *snakemake.wildcards]
-    parts = [" ".join(words)]
+    parts = [" ".join([snakemake.rule.replace("_", " "), *snakemake.wildcards])]
     arguments = getattr(snakemake.params, "arguments", {})
     conditions = arguments.get("conditions", {}).values()
     trials = sum(part["stop"] - part["first"] for part in conditions)

@@ -188,7 +188,7 @@ def collect_results(
         "recording_links": [
             find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()
         ],
-        "provenance": list(_describe_provenance(provenance, times).items()),
+        "provenance": _describe_provenance(provenance, times),
     }
 
 
@@ -213,10 +213,9 @@ def read_run_times(folder: Path, jobs: Iterable[str]) -> pd.DataFrame:
         path = folder / f"{job}.tsv"
         if not path.exists():
             continue
-        values = pd.read_csv(path, sep="\t", na_values="-").iloc[-1]
-        row = {name: float(values[column]) for column, name in BENCHMARK_TIMES.items()}
-        study = Path(job).parts[1:2]
-        rows.append({"study": "".join(study), **row, "end": path.stat().st_mtime})
+        table = pd.read_csv(path, sep="\t", na_values="-").rename(columns=BENCHMARK_TIMES)
+        study = "".join(Path(job).parts[1:2])
+        rows.append({**table.iloc[-1], "study": study, "end": path.stat().st_mtime})
     return pd.DataFrame(rows, columns=["study", *BENCHMARK_TIMES.values(), "end"])
 
 
@@ -244,20 +243,21 @@ def tabulate_recordings(paths: Iterable[Path]) -> pd.DataFrame:
     `paths` are tables of scores, in folders with the names of their studies.
     """
     groups = ["subject", "condition", "trial", "verdict"]
+    # Where all recordings of a chunk are refused, their table has no methods.
+    columns = ["recording", *groups, "label", "recommended"]
     rows = []
     for path in paths:
-        # Where all recordings of a chunk are refused, their table has no methods.
-        columns = ["recording", *groups, "label", "recommended"]
         tables = pd.read_parquet(path).reindex(columns=columns)
         for recording, table in tables.groupby("recording", sort=False):
             labels = table.loc[table["recommended"].eq(True), "label"]
-            row = {
-                "recording": recording,
-                "study": path.parent.name,
-                **table[groups].iloc[0].map(_format_cell),
-                "recommended method": ", ".join(labels) or NO_NUMBER,
-            }
-            rows.append(row)
+            rows.append(
+                {
+                    "recording": recording,
+                    "study": path.parent.name,
+                    **table[groups].iloc[0].map(_format_cell),
+                    "recommended method": ", ".join(labels) or NO_NUMBER,
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -274,7 +274,7 @@ def _describe_provenance(provenance: Provenance, times: pd.DataFrame) -> dict[st
     if len(times):
         ends = [(times["end"] - times["seconds"]).min(), times["end"].max()]
         first, last = (f"{datetime.fromtimestamp(end, UTC):%Y-%m-%d %H:%M}" for end in ends)
-        seconds, processor = times[["seconds", "cpu_seconds"]].sum() / 60.0
+        minutes, processor = times[["seconds", "cpu_seconds"]].sum() / 60.0
         texts["Jobs"] = f"{len(times)}, from {first} to {last} UTC"
-        texts["Time of all jobs"] = f"{seconds:.1f} min, processor time {processor:.1f} min"
+        texts["Time of all jobs"] = f"{minutes:.1f} min, processor time {processor:.1f} min"
     return texts

@@ -52,9 +52,11 @@ def render_index(
         from nbconvert.filters import markdown2html
 
         sentences = "".join(f"- {escape(text)}\n" for text in summarise(ledger, conclusions))
-        opening = _describe_verdicts(ledger)
-        opening["sentences"] = markdown2html(sentences)
-        opening["table1"] = render_table1(ledger)
+        opening = {
+            **_describe_verdicts(ledger),
+            "sentences": markdown2html(sentences),
+            "table1": render_table1(ledger),
+        }
     body = render_template("index.html.j2", **results, opening=opening)
     return render_page("Results", body, local_pictures=True)
 
