@@ -190,7 +190,7 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
             raise ConfigError(
                 f"{' → '.join(where)}: the point {point.name} is listed twice.", place
             )
-        conditions.setdefault(point.condition, {**dict(shared), **settings})
+        conditions.setdefault(point.condition, dict(shared) | settings)
     return list(points.values()), conditions, parameters
 
 
@@ -383,7 +383,8 @@ def find_parameters(place: Place, names: Iterable[str], methods: Methods) -> Par
                 )
             if owner == SIMULATION:
                 continue
-            if field in methods[owner].options.model_fields_set | methods[owner].select.keys():
+            settings = methods[owner]
+            if field in settings.options.model_fields_set | settings.select.keys():
                 raise key_error(
                     (*place, name),
                     f"the method {owner} has {field} under options or select as well: leave it out there.",

@@ -347,10 +347,9 @@ class Config(Options):
                 "studies: 'economy' has another table, results/tables/economy.csv: give it another name"
             )
         for name in self.studies:
-            if name.endswith("-trials") and name.removesuffix("-trials") in self.studies:
+            if f"{name}-trials" in self.studies:
                 raise ValueError(
-                    f"studies: {name!r} has the table of all trials of {name.removesuffix('-trials')!r}: "
-                    "give it another name"
+                    f"studies: '{name}-trials' has the table of all trials of {name!r}: give it another name"
                 )
         _check_list("run", self.run, "study", self.studies)
         _check_list("article", self.article, "study", self.studies)

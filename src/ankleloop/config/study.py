@@ -189,7 +189,8 @@ def split_trials(
     chunks: list[Chunk] = []
     filling: dict[Hashable, Chunk] = {}  # the last chunk of each label
     filled: dict[Hashable, float] = {}  # share of it that is taken
-    for condition, first, stop in trials:
+    for part in trials:
+        condition, first, stop = part
         size = max(1, most(condition))
         key = label(condition)
         share = (stop - first) / size
@@ -197,11 +198,11 @@ def split_trials(
             starts = range(first, stop, size)
             chunks += [[PointTrials(condition, k, min(k + size, stop))] for k in starts]
         elif filled.get(key, 1.0) + share > 1.0 + ROUNDING:
-            filling[key] = [PointTrials(condition, first, stop)]
+            filling[key] = [part]
             filled[key] = share
             chunks.append(filling[key])
         else:
-            filling[key].append(PointTrials(condition, first, stop))
+            filling[key].append(part)
             filled[key] += share
     return chunks
 

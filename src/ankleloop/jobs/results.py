@@ -62,8 +62,7 @@ Study = Mapping[str, Any]  # as `ankleloop.config.study.Study.describe` does
 
 def read_provenance(root: PathLike) -> dict[str, Any]:
     """Read version, commit (empty outside of a working copy of git), whether files differ from it, and packages."""
-    is_copy = Path(root, ".git").exists()
-    commit = _ask_git(root, "rev-parse", "HEAD") if is_copy else ""
+    commit = _ask_git(root, "rev-parse", "HEAD") if Path(root, ".git").exists() else ""
     changes = _ask_git(root, "status", "--porcelain", "--untracked-files=no") if commit else ""
     packages = {
         d.metadata["Name"]: d.version for d in metadata.distributions() if d.metadata["Name"]
@@ -101,9 +100,6 @@ def write_crate(
 
     crate = ROCrate()
 
-    def add(identifier: str, kind: str, **properties: Any) -> Any:
-        return crate.add_jsonld({"@id": identifier, "@type": kind, **properties})
-
     def add_file(path: Path, **properties: Any) -> Any:
         relative = path.relative_to(folder).as_posix()
         kind, _ = mimetypes.guess_type(path.name)
@@ -120,19 +116,28 @@ def write_crate(
     if provenance["changed"]:
         version += " with changes that are not committed"
     packages = {"Python": provenance["python"], **provenance["packages"]}
-    program = add(
-        "#ankleloop",
-        "SoftwareApplication",
-        name="ankleloop",
-        softwareVersion=version,
-        operatingSystem=provenance["system"],
-        license=LICENCE,
-        softwareRequirements=[
-            f"{name} {release}" for name, release in packages.items() if name != "ankleloop"
-        ],
+    program = crate.add_jsonld(
+        {
+            "@id": "#ankleloop",
+            "@type": "SoftwareApplication",
+            "name": "ankleloop",
+            "softwareVersion": version,
+            "operatingSystem": provenance["system"],
+            "license": LICENCE,
+            "softwareRequirements": [
+                f"{name} {release}" for name, release in packages.items() if name != "ankleloop"
+            ],
+        }
     )
     seed_values = [
-        add(f"#seed-{study}", "PropertyValue", name=f"seed of {study}", value=seed)
+        crate.add_jsonld(
+            {
+                "@id": f"#seed-{study}",
+                "@type": "PropertyValue",
+                "name": f"seed of {study}",
+                "value": seed,
+            }
+        )
         for study, seed in seeds.items()
     ]
     settings = add_file(
@@ -150,8 +155,14 @@ def write_crate(
     crate.name = TITLE
     crate.license = LICENCE
     crate.description = f"Made by ankleloop {version}."
-    profile = add(PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
-    crate.root_dataset["conformsTo"] = profile
+    crate.root_dataset["conformsTo"] = crate.add_jsonld(
+        {
+            "@id": PROFILE,
+            "@type": "CreativeWork",
+            "name": "Process Run Crate",
+            "version": "0.5",
+        }
+    )
     with atomic_file(folder / crate.metadata.id, overwrite=True) as partial:
         text = json.dumps(crate.metadata.generate(), indent=4, sort_keys=True, ensure_ascii=False)
         partial.write_text(text, encoding="utf-8")

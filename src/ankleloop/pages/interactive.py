@@ -54,13 +54,21 @@ def list_series(
     residuals: list[Series] = []
     for rank, (label, estimate) in enumerate(estimates.items()):
         own = centre_torques(trial, estimate)
-        look: dict[str, Any] = {"name": label, "color": styles[label].colour}
-        shown = {**look, "visible": rank < SHOWN_ESTIMATES}
-        series.append((shown, {"time": own.time, **own.estimated}))
-        look |= {"name": f"residual of {label}", "alpha": RESIDUAL_OPACITY, "visible": False}
+        look = {
+            "name": label,
+            "color": styles[label].colour,
+            "visible": rank < SHOWN_ESTIMATES,
+        }
+        series.append((look, {"time": own.time, **own.estimated}))
         known = {**own.true, "net": own.measured}
         left = {torque: known[torque] - own.estimated[torque] for torque in known}
-        residuals.append((look, {"time": own.time, **left}))
+        look_of_residual = {
+            **look,
+            "name": f"residual of {label}",
+            "alpha": RESIDUAL_OPACITY,
+            "visible": False,
+        }
+        residuals.append((look_of_residual, {"time": own.time, **left}))
     return series + residuals
 
 

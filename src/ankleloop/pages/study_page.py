@@ -139,7 +139,7 @@ class StudyPage(SimpleNamespace):
 
 def fold(summary: str, parts: Iterable[str]) -> HTML:
     """Text behind a line that opens it."""
-    text = html.escape(" ".join(part for part in parts if part))
+    text = html.escape(" ".join(filter(None, parts)))
     return HTML(f"<details><summary>{html.escape(summary)}</summary><p>{text}</p></details>")
 
 
