@@ -297,7 +297,7 @@ def _draw_points(design: Design, parameters: Parameters, place: Place) -> list[C
     from scipy.stats import qmc
 
     sampler = qmc.Sobol if design.design == "sobol" else qmc.LatinHypercube
-    shares = sampler(len(parameters), rng=np.random.default_rng(design.seed)).random(design.count)
+    shares = sampler(len(parameters), rng=design.seed).random(design.count)
     columns = [
         _draw_values(parameters[name], values, (*place, name), column)
         for (name, values), column in zip(design.parameters.items(), shares.T.tolist(), strict=True)

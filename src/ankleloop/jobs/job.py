@@ -45,7 +45,8 @@ def running(snakemake: Any) -> Iterator[None]:
 
 def _describe(snakemake: Any) -> str:
     """Rule and wildcards of a job, and how many trials or recordings it takes."""
-    parts = [" ".join([snakemake.rule.replace("_", " "), *snakemake.wildcards])]
+    words = [snakemake.rule.replace("_", " "), *snakemake.wildcards]
+    parts = [" ".join(words)]
     arguments = getattr(snakemake.params, "arguments", {})
     conditions = arguments.get("conditions", {}).values()
     trials = sum(part["stop"] - part["first"] for part in conditions)

@@ -134,13 +134,9 @@ class StudyPage(SimpleNamespace):
 
     def fold(self, note: str = "") -> HTML:
         """Trials and settings of the study, and a note, behind a line that opens them."""
-        return fold("Trials and settings", [note, self._conditions(), count_faults(self.details)])
-
-
-def fold(summary: str, parts: Iterable[str]) -> HTML:
-    """Text behind a line that opens it."""
-    text = html.escape(" ".join(filter(None, parts)))
-    return HTML(f"<details><summary>{html.escape(summary)}</summary><p>{text}</p></details>")
+        parts = [note, self._conditions(), count_faults(self.details)]
+        text = html.escape(" ".join(filter(None, parts)))
+        return HTML(f"<details><summary>Trials and settings</summary><p>{text}</p></details>")
 
 
 def show_picture(path: str, caption: str, width: int = 980) -> None:

@@ -5,7 +5,7 @@ import re
 import pandas as pd
 import pytest
 
-from ankleloop.pages.study_page import StudyPage, fold
+from ankleloop.pages.study_page import StudyPage
 from ankleloop.simulation.settings import SimulationSettings
 
 
@@ -56,17 +56,15 @@ def page(tmp_path):
 
 
 def test_the_note_of_a_figure_counts_trials_and_says_what_rings_are(page):
-    note = page.fold("A note.").data
+    note = page.fold("A <note>.").data
     assert page.typical == "g=13"
     for words in (
-        "A note.",
-        "2 trials at each point",
+        "<summary>Trials and settings</summary><p>A &lt;note&gt;. 2 trials at each point",
         "Of 8 identifications 1 failed and 1 came with a warning: rings mark them in figures.",
     ):
         assert words in note
-    assert (
-        fold("<b>", ["a", "", "b"]).data
-        == "<details><summary>&lt;b&gt;</summary><p>a b</p></details>"
+    assert page.fold().data.startswith(
+        "<details><summary>Trials and settings</summary><p>2 trials at each point"
     )
 
 
