@@ -328,7 +328,8 @@ def _draw_values(
         choices = range(math.ceil(limits.start), math.floor(limits.stop) + 1)
         if not choices:
             raise key_error(
-                place, f"there is no whole number from {limits.start:g} to {limits.stop:g}."
+                place,
+                f"there is no whole number from {limits.start:g} to {limits.stop:g}: widen the limits.",
             )
     else:
         drawn = limits.interpolate(shares, DIGITS // 2)

@@ -307,9 +307,8 @@ def _check_list(key: str, names: Sequence[str] | None, kind: str, known: Collect
     """Refuse names in a list that are unknown, or stand twice."""
     for name, count in Counter(names or ()).items():
         if name not in known:
-            close = suggest_name(name, known)
             raise ValueError(
-                f"{key}: there is no {kind} {name!r}{close}; there are {', '.join(known)}"
+                f"{key}: there is no {kind} {name!r}{suggest_name(name, known)}; there are {', '.join(known)}"
             )
         if count > 1:
             raise ValueError(f"{key}: {name!r} is listed twice")

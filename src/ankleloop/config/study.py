@@ -153,18 +153,14 @@ class SimulatedStudy(Study):
 
         `simulation` makes the trials; it is empty where they are read from a trial file.
         """
+        conditions = {}
         parts = self.chunks[chunk]
-        conditions = {
-            condition: {
-                "first": first,
-                "stop": stop,
-                "points": {
-                    point.name: {"values": point.values, "options": point.options}
-                    for point in self._points_of[condition]
-                },
+        for condition, first, stop in parts:
+            points = {
+                point.name: {"values": point.values, "options": point.options}
+                for point in self._points_of[condition]
             }
-            for condition, first, stop in parts
-        }
+            conditions[condition] = {"first": first, "stop": stop, "points": points}
         return {
             "simulation": {} if self.trial_files else self.simulation(parts),
             "conditions": conditions,
