@@ -6,8 +6,8 @@ names its check: the function `check_NAME` and what that takes beside the case.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -17,7 +17,7 @@ import yaml
 from scipy import stats
 
 from ankleloop.paper import judgement
-from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity, judge
+from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity, Range, judge
 from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.captions import label_setting
@@ -52,7 +52,7 @@ class StudyResults:
     points: Mapping[str, Mapping[str, Any]]
     # Its trials, as `ankleloop.tables.trial_tables.read_trial_table` reads them.
     table: pd.DataFrame
-    labels: Mapping[str, str] = field(default_factory=dict)  # readable name of each method
+    labels: Mapping[str, str]  # readable name of each method
 
     def point(self, settings: Mapping[str, Any]) -> str:
         """Name of the point with some values of its settings.
@@ -67,10 +67,8 @@ class StudyResults:
             for point, values in self.points.items()
             if settings.items() <= values.items()
         }
-        points = list(special)
-        if len(points) > 1:
-            shared = set.intersection(*special.values())
-            points = [point for point, own in special.items() if own == shared]
+        shared = set.intersection(*special.values()) if special else set()
+        points = [point for point, own in special.items() if own == shared]
         if len(points) != 1:
             number = "several points" if points else "no point"
             words = [f"{label_setting(name)[0]} {value}" for name, value in settings.items()]
@@ -133,25 +131,23 @@ class Case:
         """A further measurement with its interval."""
         if quantity not in self.measurements.index:
             raise MissingEvidence(f"{quantity} was not measured.")
-        row = self.measurements.loc[quantity].reindex(["value", "low", "high"])
+        row = self.measurements.loc[quantity, ["value", "low", "high"]]
         return Measurement(*row.astype(float))
 
-    def within(
-        self, label: str, ours: Quantity, paper: float = 0.0, *, control: bool = False
-    ) -> Comparison:
-        """A comparison that accepts differences of either sign up to the tolerance."""
-        accepted = (-self.claim.tolerance, self.claim.tolerance)
-        return Comparison(label, ours, accepted, paper, control=control)
+    @property
+    def within(self) -> Range:
+        """Differences of either sign up to the tolerance."""
+        return -self.claim.tolerance, self.claim.tolerance
 
-    def above(
-        self, label: str, ours: Quantity, paper: float = 0.0, *, size: bool = False
-    ) -> Comparison:
-        """A comparison that accepts differences, or sizes of them, from the tolerance on."""
-        return Comparison(label, ours, (self.claim.tolerance, np.inf), paper, size=size)
+    @property
+    def above(self) -> Range:
+        """Differences, or sizes of them, from the tolerance on."""
+        return self.claim.tolerance, np.inf
 
-    def below(self, label: str, ours: Quantity, paper: float = 0.0) -> Comparison:
-        """A comparison that accepts what is less by the tolerance or more."""
-        return Comparison(label, ours, (-np.inf, -self.claim.tolerance), paper)
+    @property
+    def below(self) -> Range:
+        """What is less by the tolerance or more."""
+        return -np.inf, -self.claim.tolerance
 
     def compare(
         self,
@@ -167,11 +163,10 @@ class Case:
         judged = judge(comparisons)
         decisive = judged.decisive
         ours = ours or decisive.ours
-        reason = f"{what}: {', '.join(map(_describe, comparisons))}"
+        results = ", ".join(map(_describe, comparisons))
         if len(comparisons) > MOST_RESULTS:
-            results = f"(of {len(comparisons)} results the decisive one)"
-            reason = f"{what}: {_describe(decisive)} {results}"
-        parts = [reason, remark, judged.explanation]
+            results = f"{_describe(decisive)} (of {len(comparisons)} results the decisive one)"
+        parts = [f"{what}: {results}", remark, judged.explanation]
         verdict = judged.verdict
         if verdict == judgement.REPRODUCED and isinstance(self.claim.conditions, str):
             verdict = judgement.CONDITIONAL
@@ -216,27 +211,27 @@ def check_mean(case: Case, study: str, quantity: str, method: str) -> Row:
     remark = ""
     if np.isnan(case.claim.tolerance):
         remark = "the recording is not public, and this is a simulated stand-in"
-    comparison = case.within("", mean, case.claim.paper)
+    comparison = Comparison("", mean, case.within, case.claim.paper)
     return case.compare(f"mean {words} [{shown.unit}]", [comparison], remark)
 
 
 def check_alike(case: Case, first: str, second: str, *torques: str) -> Row:
     """VAFs by two methods differ little, on the same trials."""
     labels = [case.study("table1").labels.get(method, method) for method in (first, second)]
-    comparisons = [
-        case.within(torque, case.lead("table1", (torque, first), (torque, second)))
-        for torque in torques
-    ]
+    comparisons = []
+    for torque in torques:
+        lead = case.lead("table1", (torque, first), (torque, second))
+        comparisons.append(Comparison(torque, lead, case.within))
     return case.compare(f"VAF by {labels[0]} less that by {labels[1]} [points]", comparisons)
 
 
 def check_cascade_net_good(case: Case) -> Row:
     """One pass of the parallel cascade gives a good net torque from poor parts."""
     net = case.mean("table1", "net", CASCADE_ONCE)
-    comparisons = [case.within("net torque", net, case.claim.paper)]
+    comparisons = [Comparison("net torque", net, case.within, case.claim.paper)]
     for part in ("intrinsic", "reflex"):
         lead = case.lead("table1", ("net", CASCADE_ONCE), (part, CASCADE_ONCE))
-        comparisons.append(case.above(f"net less {part} torque", lead))
+        comparisons.append(Comparison(f"net less {part} torque", lead, case.above))
     return case.compare("VAF [%]", comparisons, ours=net)
 
 
@@ -247,7 +242,7 @@ def check_cascade_better_in_open_loop(case: Case) -> Row:
         opened, closed = (
             case.mean("voluntary", part, CASCADE_ONCE, closed_loop=loop) for loop in (False, True)
         )
-        comparisons.append(case.above(f"{part} torque", opened - closed))
+        comparisons.append(Comparison(f"{part} torque", opened - closed, case.above))
     return case.compare("VAF in open loop less that in closed loop [points]", comparisons)
 
 
@@ -256,7 +251,8 @@ def check_figure4_pr(case: Case) -> Row:
     comparisons = []
     for gain, torque in product(case.settings["reflex_gain"], VAF_COLUMNS):
         mean = case.mean("figure4", torque, "pr-moesp", reflex_gain=gain)
-        comparisons.append(case.above(f"{torque} torque at gain {gain:g}", mean, case.claim.paper))
+        label = f"{torque} torque at gain {gain:g}"
+        comparisons.append(Comparison(label, mean, case.above, case.claim.paper))
     return case.compare("mean VAF [%]", comparisons)
 
 
@@ -267,9 +263,10 @@ def check_figure4_cascade_biased(case: Case) -> Row:
     for gain in case.settings["reflex_gain"]:
         mean = case.mean("figure4", "intrinsic", CASCADE_ONCE, reflex_gain=gain)
         means.append(mean)
-        comparisons.append(case.below(f"gain {gain:g}", mean, 100.0))
-    fall = case.below("highest gain less lowest", means[-1] - means[0])
-    return case.compare("intrinsic VAF [%]", [*comparisons, fall])
+        comparisons.append(Comparison(f"gain {gain:g}", mean, case.below, 100.0))
+    fall = means[-1] - means[0]
+    comparisons.append(Comparison("highest gain less lowest", fall, case.below))
+    return case.compare("intrinsic VAF [%]", comparisons)
 
 
 def check_figure4_cascade_falls(case: Case) -> Row:
@@ -280,7 +277,8 @@ def check_figure4_cascade_falls(case: Case) -> Row:
         for gain in gains
     }
     remark = f"from {trials[gains[0]].mean():.1f} to {trials[gains[-1]].mean():.1f} % over {len(gains)} gains"
-    comparison = case.within("", bootstrap_rank_correlation(trials), case.claim.paper)
+    correlation = bootstrap_rank_correlation(trials)
+    comparison = Comparison("", correlation, case.within, case.claim.paper)
     return case.compare("rank correlation of gain and intrinsic VAF", [comparison], remark)
 
 
@@ -291,25 +289,27 @@ def bootstrap_rank_correlation(trials: Mapping[float, np.ndarray]) -> Measuremen
     the trials twice, and a rank correlation suffers from noise: its replicates may all be closer to zero than itself.
     They show then that it is uncertain, and not that it is wrong.
     """
-    gains = list(trials)
-    means = [values.mean() for values in trials.values()]
-    value = float(_rank_correlation(gains, np.array([means]))[0])
-    if min(values.size for values in trials.values()) < 2:
+    samples = list(trials.values())
+    gain_ranks = stats.rankdata(list(trials))
+
+    def correlate(*drawn: np.ndarray, axis: int) -> np.ndarray:
+        """Spearman's rank correlation for each draw of the samples; nan where all means are equal."""
+        means = np.stack([values.mean(axis=axis) for values in drawn], axis=-1)
+        with np.errstate(invalid="ignore"):
+            return np.corrcoef(gain_ranks, stats.rankdata(means, axis=-1))[0, 1:]
+
+    value = float(correlate(*samples, axis=-1)[0])
+    if min(map(np.size, samples)) < 2:
         return Measurement(value)
-    rng = np.random.default_rng(0)
-    replicated_means = []
-    for values in trials.values():
-        draws = rng.integers(values.size, size=(REPLICATES, values.size))
-        replicated_means.append(values[draws].mean(axis=1))
-    replicates = _rank_correlation(gains, np.column_stack(replicated_means))
-    low, high = np.quantile(replicates, [(1 - judgement.LEVEL) / 2, (1 + judgement.LEVEL) / 2])
+    low, high = stats.bootstrap(
+        samples,
+        correlate,
+        n_resamples=REPLICATES,
+        confidence_level=judgement.LEVEL,
+        method="percentile",
+        rng=np.random.default_rng(0),
+    ).confidence_interval
     return Measurement(value, float(min(low, value)), float(max(high, value)))
-
-
-def _rank_correlation(gains: Sequence[float], means: np.ndarray) -> np.ndarray:
-    """Spearman's rank correlation of the gains with each row of means; nan where all of them are equal."""
-    with np.errstate(invalid="ignore"):
-        return np.corrcoef(stats.rankdata(gains), stats.rankdata(means, axis=-1))[0, 1:]
 
 
 def check_figure4_cause(case: Case) -> Row:
@@ -319,9 +319,8 @@ def check_figure4_cause(case: Case) -> Row:
     )
     passes = case.values("figure4", "passes", CASCADE_CONVERGED).mean()
     remark = f"after {passes:.0f} passes on average; {first.value:.4g} % after one pass on the same closed-loop trials"
-    return case.compare(
-        "intrinsic VAF of the converged cascade [%]", [case.below("", last, 100.0)], remark
-    )
+    comparison = Comparison("", last, case.below, 100.0)
+    return case.compare("intrinsic VAF of the converged cascade [%]", [comparison], remark)
 
 
 def check_columns(case: Case, method: str) -> Row:
@@ -330,8 +329,9 @@ def check_columns(case: Case, method: str) -> Row:
     block_rows = case.measurement("block_rows").value
     is_held = rows == block_rows * case.claim.paper
     verdict = judgement.BY_CONSTRUCTION if is_held else judgement.NOT_REPRODUCED
-    counts = f"{rows:g} rows of instruments over {block_rows:g} block rows"
-    reason = f"{counts}: {case.claim.conditions}."
+    reason = (
+        f"{rows:g} rows of instruments over {block_rows:g} block rows: {case.claim.conditions}."
+    )
     return {"verdict": verdict, "ours": rows / block_rows, "reason": reason}
 
 
@@ -346,8 +346,10 @@ def check_economy(case: Case, quantity: str, unit: str) -> Row:
     """Ratio of what EIV-MOESP and PR-MOESP take on the same trials."""
     pr = case.measurement(f"pr-moesp_{quantity}").value
     eiv = case.measurement(f"eiv-moesp_{quantity}").value
-    ratio = case.above("", case.measurement(f"{quantity}_ratio"), case.claim.paper)
-    return case.compare("ratio", [ratio], f"PR-MOESP {pr:.3g} {unit}, EIV-MOESP {eiv:.3g} {unit}")
+    ratio = case.measurement(f"{quantity}_ratio")
+    comparison = Comparison("", ratio, case.above, case.claim.paper)
+    remark = f"PR-MOESP {pr:.3g} {unit}, EIV-MOESP {eiv:.3g} {unit}"
+    return case.compare("ratio", [comparison], remark)
 
 
 def check_open_loop_methods_biased(case: Case, *arms: str) -> Row:
@@ -363,8 +365,11 @@ def check_open_loop_methods_biased(case: Case, *arms: str) -> Row:
             case.mean(study, "K_error", method, **own, closed_loop=loop) for loop in (True, False)
         )
         label = case.study(study).labels.get(method, method)
-        comparisons.append(case.above(f"{label} in closed loop", closed, size=True))
-        comparisons.append(case.within(f"{label} in open loop, the control", opened, control=True))
+        control = f"{label} in open loop, the control"
+        comparisons += [
+            Comparison(f"{label} in closed loop", closed, case.above, size=True),
+            Comparison(control, opened, case.within, control=True),
+        ]
     return case.compare("error of K [%]", comparisons)
 
 
@@ -375,7 +380,8 @@ def check_unbiased(case: Case, method: str, variant: str = "") -> Row:
     for level in case.settings["voluntary"]:
         own = {"voluntary": level, "closed_loop": True}
         error = case.mean("voluntary", "K_error", method, **own)
-        comparisons.append(case.within(f"{100 * level:g} % voluntary torque", error))
+        label = f"{100 * level:g} % voluntary torque"
+        comparisons.append(Comparison(label, error, case.within))
         if variant:
             texts.append(describe_result(case.mean("voluntary", "K_error", variant, **own)))
     remark = f"with instruments for B and D, too: {', '.join(texts)}" if variant else ""
@@ -386,9 +392,11 @@ def check_net_vaf_hides_bias(case: Case) -> Row:
     """PR-MOESP explains more of the net torque than riv, and has a wrong K."""
     lead = case.lead("voluntary", ("net", "pr-moesp"), ("net", "riv"), closed_loop=True)
     error = case.mean("voluntary", "K_error", "pr-moesp", closed_loop=True)
-    explains_more = Comparison("net VAF less that of riv [points]", lead, (0.0, np.inf))
-    is_wrong = case.above("error of K [%]", error, size=True)
-    return case.compare("PR-MOESP", [explains_more, is_wrong], ours=error)
+    comparisons = [
+        Comparison("net VAF less that of riv [points]", lead, (0.0, np.inf)),
+        Comparison("error of K [%]", error, case.above, size=True),
+    ]
+    return case.compare("PR-MOESP", comparisons, ours=error)
 
 
 def check_criteria(case: Case) -> Row:
@@ -412,7 +420,8 @@ def check_accurate(case: Case, *arms: str) -> Row:
         study, method = arm.split("=")
         samples.append(case.values(study, "K_error", method))
     error = Mean.of(np.concatenate(samples))
-    return case.compare("error of K over all trials [%]", [case.within("", error)])
+    comparison = Comparison("", error, case.within)
+    return case.compare("error of K over all trials [%]", [comparison])
 
 
 def check_real_time_input(case: Case) -> Row:
@@ -422,14 +431,7 @@ def check_real_time_input(case: Case) -> Row:
         for name in ("pulses", "prbs")
     )
     comparisons = [
-        case.within("with the perturbation", pulses),
-        case.above("with a PRBS", prbs, size=True),
+        Comparison("with the perturbation", pulses, case.within),
+        Comparison("with a PRBS", prbs, case.above, size=True),
     ]
     return case.compare("error of K in open loop [%]", comparisons)
-
-
-CHECKS: dict[str, Callable[..., Row]] = {
-    name.removeprefix("check_"): check
-    for name, check in globals().items()
-    if name.startswith("check_")
-}

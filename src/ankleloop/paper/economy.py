@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import timeit
 import tracemalloc
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -60,9 +60,7 @@ def measure_economy(
             "there is no trial that both methods identify: see the failures of the study."
         )
     counts["block_rows"] = models["pr-moesp"].block_rows
-    rows: list[dict[str, Any]] = [
-        {"quantity": quantity, "value": float(count), "n": 1} for quantity, count in counts.items()
-    ]
+    rows = [_summarise(quantity, [count]) for quantity, count in counts.items()]
     table = pd.DataFrame(costs)
     for quantity in ("milliseconds", "megabytes"):
         names = [f"{method}_{quantity}" for method in COMPARED]
@@ -88,11 +86,11 @@ def _prepare_runs(trial: xr.Dataset, models: Mapping[str, MoespOptions]) -> Runs
     return runs
 
 
-def _summarise(quantity: str, values: pd.Series) -> dict[str, Any]:
-    """Mean over trials with its interval."""
+def _summarise(quantity: str, values: Sequence[float] | pd.Series) -> dict[str, Any]:
+    """Mean over trials with its interval, which a single value does not have."""
     mean = Mean.of(values)
     low, high = mean.interval()
-    return {"quantity": quantity, "value": mean.value, "low": low, "high": high, "n": len(values)}
+    return {"quantity": quantity, "value": mean.value, "n": len(values), "low": low, "high": high}
 
 
 def _time_runs(runs: Runs) -> dict[str, float]:

@@ -102,10 +102,10 @@ class Comparison:
 
     def verdict(self, level: float) -> str:
         """Verdict of the rule at a level of confidence."""
+        if self.room(level) >= 0.0:
+            return REPRODUCED
         low, high = self.interval(level)
         smallest, largest = self.accepted
-        if low >= smallest and high <= largest:
-            return REPRODUCED
         if high < smallest or low > largest:
             return NOT_REPRODUCED
         ends = [end for end in self.accepted if low <= end <= high]

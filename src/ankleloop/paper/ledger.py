@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from ankleloop.paper import judgement
-from ankleloop.paper.checks import CHECKS, Case, MissingEvidence, Row, StudyResults
+from ankleloop.paper import checks, judgement
+from ankleloop.paper.checks import Case, MissingEvidence, Row, StudyResults
 from ankleloop.tables.comparisons import format_pairs, format_rows
 from ankleloop.trials.files import PathLike
 
@@ -81,7 +81,7 @@ def _check(case: Case) -> Row:
     """Verdict on a claim, with the numbers that it rests on and its reason."""
     name, *arguments = case.claim.check.split()
     try:
-        return CHECKS[name](case, *arguments)
+        return getattr(checks, f"check_{name}")(case, *arguments)
     except MissingEvidence as missing:
         return {"verdict": judgement.OPEN, "reason": str(missing)}
 
