@@ -355,8 +355,7 @@ def compare_unseen(
     its interval from Student's distribution. What is hard to predict for both methods cancels in it. None
     if too little was scored at the same rate.
     """
-    differences = []
-    weights = []
+    differences = []  # one for each block
     blocks = []
     for parts in zip(first, second, strict=True):
         own, other = xr.align(*parts, join="inner")
@@ -369,14 +368,13 @@ def compare_unseen(
         difference = 100.0 * float(np.sum(gain) / np.sum(torque))
         influence = (100.0 * gain - difference * torque) / torque.mean()
         blocks += [block.mean() for block in np.array_split(influence, count)]
-        differences.append(difference)
-        weights.append(count)
+        differences += [difference] * count
     freedom = len(blocks) - 1
     if len(blocks) < FEWEST_BLOCKS:
         return None
-    mean = float(np.average(differences, weights=weights))
+    mean = float(np.mean(differences))
     # Differences of several trials scatter as well.
-    scatter = np.repeat(np.array(differences) - mean, weights) + np.array(blocks)
+    scatter = np.array(differences) - mean + np.array(blocks)
     error = np.sqrt(np.mean(scatter**2) / freedom)
     margin = float(special.stdtrit(freedom, 0.975) * error)
     return VafDifference(mean, mean - margin, mean + margin)

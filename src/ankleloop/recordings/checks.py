@@ -167,9 +167,9 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         return Check(findings, "undecided", {}, spectra, usable)
     bias = path_bias(records)
     merged = len(records) > 1
-    validity = describe_validity(loop, usable, bias, merged=merged)
-    findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
     methods = valid_methods(loop, usable, bias, merged=merged)
+    validity = describe_validity(methods, loop, usable, bias, merged=merged)
+    findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
     return Check(findings, loop, methods, spectra, usable, bias)
 
 

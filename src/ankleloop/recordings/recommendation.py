@@ -29,6 +29,10 @@ CHANGES = {
     "time": "with time",
     "schedule": "with the scheduling variable",
 }
+INCOMPLETE = (
+    "But the model is not complete, or the record has a fault, and what a model leaves out may be taken for a change. "
+    "So the test decides nothing here. "
+)
 Choice = tuple[pd.Series, str]  # row of a method, and why it is taken
 
 
@@ -143,8 +147,8 @@ def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> Choice:
         return row, f"{reason}. It explains {score}; {others}: {', '.join(unclear)}"
     if not margins:
         return row, f"it is the only one that could be scored without a warning ({score})"
-    margin = f"{min(margins):.2g} points or more (95 % confidence)"
-    return row, f"it explains most ({score}), by {margin}"
+    margin = min(margins)
+    return row, f"it explains most ({score}), by {margin:.2g} points or more (95 % confidence)"
 
 
 def _prefer(rows: pd.DataFrame) -> pd.Series:
@@ -170,7 +174,7 @@ def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
         )
     if row["caution"] and pd.notna(row["caution"]):
         texts.append(f"Caution: {row['caution'].rstrip('.')}")
-    if row.get("residual_related") in (True, 1):
+    if row.get("residual_related") == 1:
         texts.append("Its residual still depends on the movement, so its model is not complete")
     return texts
 
@@ -217,19 +221,16 @@ def describe_variations(analysis: Analysis) -> dict[str, str]:
         }
         all_p = shown.pop("all")
         each = ", ".join(f"{name} {p}" for name, p in shown.items())
-        is_changing = probabilities["all"] < VARIATION_LEVEL
-        text = f"No change of K, B or G {words} is shown"
-        if is_changing:
-            text = f"K, B or G change {words}"
-        text += f": a constant joint gives as large a variation with a probability of {all_p} "
-        text += f"(level {100 * VARIATION_LEVEL:g} %). "
-        text += f"Each of them alone, while the others may change: {each}. "
-        if not is_changing:
-            text += "A change that is smaller than the bands may be there. "
-        elif rows[label]["incomplete"]:
-            text += "But the model is not complete, or the record has a fault, and what a model leaves out may be "
-            text += "taken for a change. So the test decides nothing here. "
-        texts[label] = text + _compare_with_constant(analysis, rows, label, data)
+        change = f"No change of K, B or G {words} is shown"
+        doubt = "A change that is smaller than the bands may be there. "
+        if probabilities["all"] < VARIATION_LEVEL:
+            change = f"K, B or G change {words}"
+            doubt = INCOMPLETE if rows[label]["incomplete"] else ""
+        texts[label] = (
+            f"{change}: a constant joint gives as large a variation with a probability of {all_p} "
+            f"(level {100 * VARIATION_LEVEL:g} %). Each of them alone, while the others may change: {each}. "
+            f"{doubt}{_compare_with_constant(analysis, rows, label, data)}"
+        )
     return texts
 
 
@@ -246,6 +247,5 @@ def _compare_with_constant(analysis: Analysis, rows: dict[str, Any], label: str,
         text += f", the time-invariant fit ({constant}) {rows[constant]['vaf_unseen']:.1f} %"
         gain = compare_unseen(analysis.unseen[label], torques)
         if gain:
-            interval = f"95 %: {gain.low:.1f} … {gain.high:.1f}"
-            text += f": a difference of {gain.difference:.1f} points ({interval})"
+            text += f": a difference of {gain.difference:.1f} points (95 %: {gain.low:.1f} … {gain.high:.1f})"
     return f"{text}."

@@ -31,9 +31,10 @@ def _valid_options(method: Method, reference: bool) -> dict[str, Any]:
     return dict((validity.closed or {}) if reference else validity.without_reference)
 
 
-def describe_validity(loop: str, reference: bool, path_bias: float, *, merged: bool = False) -> str:
-    """Which methods are valid for a recording, in sentences."""
-    methods = valid_methods(loop, reference, path_bias, merged=merged)
+def describe_validity(
+    methods: Methods, loop: str, reference: bool, path_bias: float, *, merged: bool = False
+) -> str:
+    """Which methods are valid for a recording, and which are not, in sentences."""
     invalid = [
         name
         for name, method in METHODS.items()

@@ -21,17 +21,15 @@ def test_check_and_analysis_agree(loop, reference, path_bias, merged):
         )
         assert (reason is None) == (name in methods), name
         assert METHODS[name].merges or not merged or name not in methods
-    text = describe_validity(loop, reference, path_bias, merged=merged)
+    text = describe_validity(methods, loop, reference, path_bias, merged=merged)
     assert "  " not in text
     assert text.endswith(".")
 
 
 def test_open_loop_has_every_method_if_the_perturbation_decorrelates():
-    assert set(valid_methods("open", True, UNCORRELATED)) == set(METHODS)
-    assert (
-        describe_validity("open", True, UNCORRELATED)
-        == f"{', '.join(valid_methods('open', True, UNCORRELATED))}."
-    )
+    methods = valid_methods("open", True, UNCORRELATED)
+    assert set(methods) == set(METHODS)
+    assert describe_validity(methods, "open", True, UNCORRELATED) == f"{', '.join(methods)}."
     assert set(METHODS) - set(valid_methods("open", True, CORRELATED)) == {"real-time"}
     assert "one after the other" in reason_against(
         "parallel-cascade", {"max_passes": 1}, "open", True, CORRELATED
