@@ -7,13 +7,13 @@ import tempfile
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import NoneType
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, get_args
 
 import click
 import numpy as np
 import pandas as pd
-from pydantic.fields import FieldInfo
 
+from ankleloop.command_line.reading import list_choices
 from ankleloop.command_line.terminal import COLOURS, echo, refuse_existing
 from ankleloop.config.checking import ConfigError, check
 from ankleloop.config.recording_settings import Recording
@@ -62,7 +62,8 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
     fields = {label: find_method(label).options.model_fields for label in methods}
     concerned = [label for label in methods if key in ("", label) and field in fields[label]]
     if not key:  # those that have a single value have no choice
-        concerned = [label for label in concerned if _has_choice(fields[label][field])] or concerned
+        free = [label for label in concerned if len(list_choices(fields[label][field])) != 1]
+        concerned = free or concerned
     if value is None and not key:  # only some can estimate what others have to be told
         concerned = [
             label for label in concerned if NoneType in get_args(fields[label][field].annotation)
@@ -74,12 +75,6 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
     for label in concerned:
         methods[label]["options"][field] = value
         methods[label].get("select", {}).pop(field, None)
-
-
-def _has_choice(field: FieldInfo) -> bool:
-    """Whether an option has more than one value."""
-    kinds = get_args(field.annotation)
-    return not any(get_origin(kind) is Literal and len(get_args(kind)) == 1 for kind in kinds)
 
 
 def refuse_results(folder: Path, names: Collection[str]) -> None:

@@ -66,11 +66,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with warnings.catch_warnings():
         warnings.showwarning = show_warning
         try:
-            status: Any = commands.main(
+            return commands.main(
                 args=words, prog_name="ankleloop", standalone_mode=False, obj=words
             )
-        except click.exceptions.Exit as end:
-            return end.exit_code
         except click.ClickException as error:  # of the options
             error.show()
             show_correction(getattr(error, "remedy", {}), words)
@@ -97,8 +95,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             show_error(
                 "this is a mistake in ankleloop, not in your data: please report the lines above."
             )
-        else:
-            return status if isinstance(status, int) else DONE
     return MISTAKE
 
 

@@ -9,6 +9,7 @@ from types import NoneType
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import click
+from pydantic.fields import FieldInfo
 
 from ankleloop.command_line.terminal import echo, name_option
 from ankleloop.config.recording_settings import Recording
@@ -45,16 +46,22 @@ def reading_options(command: Command) -> Command:
         if default not in (None, ""):
             text += f"  [default: {default}]"
         kinds = set(get_args(field.annotation) or (field.annotation,)) - {NoneType}
-        choices = [kind for kind in (field.annotation, *kinds) if get_origin(kind) is Literal]
+        choices = list_choices(field)
         parse: Any = click.STRING
         if choices:
-            parse = click.Choice(get_args(choices[0]))
+            parse = click.Choice(choices)
         elif kinds <= {int, float}:
             parse = click.FLOAT if float in kinds else click.INT
         metavar = METAVARS.get(name) or (unit.upper() if unit != "1" else None)
         option = click.option(name_option(name), name, type=parse, metavar=metavar, help=text)
         command = option(command)
     return command
+
+
+def list_choices(field: FieldInfo) -> list[Any]:
+    """Values of an option that has a list of them."""
+    kinds = (field.annotation, *get_args(field.annotation))
+    return [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
 
 
 def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Recording:

@@ -8,13 +8,14 @@ import shlex
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from typing import Any
 
 import click
 
 from ankleloop.command_line.check import check_file
 from ankleloop.command_line.reading import (
     FILE,
+    list_choices,
     map_file,
     name_recording,
     name_recordings,
@@ -171,8 +172,7 @@ def _propose_values(name: str) -> list[Any]:
             f"--sweep: there is no setting {name!r}{suggest_name(name, fields)}; there are {known}."
         )
     default = fields[name].get_default()
-    kinds = (fields[name].annotation, *get_args(fields[name].annotation))
-    choices = [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
+    choices = list_choices(fields[name])
     if isinstance(default, bool):
         return [True, False]
     if choices or default == 0.0:
