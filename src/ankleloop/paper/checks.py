@@ -123,7 +123,7 @@ class Case:
         """Mean of a quantity over trials."""
         return Mean.of(self.values(study, quantity, method, **own))
 
-    def lead(self, study: str, first: tuple[str, str], second: tuple[str, str], **own: Any) -> Mean:
+    def lead(self, study: str, first: Sequence[str], second: Sequence[str], **own: Any) -> Mean:
         """Mean VAF of a torque and a method less that of another on the same trials [points]; nan if these differ."""
         return Mean.of(self.values(study, *first, **own) - self.values(study, *second, **own))
 
@@ -215,6 +215,29 @@ def check_mean(case: Case, study: str, quantity: str, method: str) -> Row:
     return case.compare(f"mean {words} [{shown.unit}]", [comparison], remark)
 
 
+def check_means(case: Case, *what: str) -> Row:
+    """Means over trials, or differences of two, are within, above or below what the claim lists."""
+    comparisons = []
+    shown = None
+    for label, listed in yaml.safe_load(case.claim.comparisons).items():
+        study, *first = listed["mean"].split()
+        own = listed.get("at", {})
+        if "less" in listed:
+            ours = case.lead(study, first, listed["less"].split(), **own)
+        else:
+            ours = case.mean(study, *first, **own)
+        if "less_at" in listed:
+            ours -= case.mean(study, *first, **listed["less_at"])
+        accepted = listed["accept"]
+        if isinstance(accepted, str):
+            accepted = getattr(case, accepted)
+        size = listed.get("size", False)
+        comparisons.append(Comparison(label, ours, accepted, listed.get("from", 0.0), size=size))
+        if listed.get("shown"):
+            shown = ours
+    return case.compare(" ".join(what), comparisons, ours=shown)
+
+
 def check_alike(case: Case, first: str, second: str, *torques: str) -> Row:
     """VAFs by two methods differ little, on the same trials."""
     labels = [case.study("table1").labels.get(method, method) for method in (first, second)]
@@ -225,27 +248,6 @@ def check_alike(case: Case, first: str, second: str, *torques: str) -> Row:
     return case.compare(f"VAF by {labels[0]} less that by {labels[1]} [points]", comparisons)
 
 
-def check_cascade_net_good(case: Case) -> Row:
-    """One pass of the parallel cascade gives a good net torque from poor parts."""
-    net = case.mean("table1", "net", CASCADE_ONCE)
-    comparisons = [Comparison("net torque", net, case.within, case.claim.paper)]
-    for part in ("intrinsic", "reflex"):
-        lead = case.lead("table1", ("net", CASCADE_ONCE), (part, CASCADE_ONCE))
-        comparisons.append(Comparison(f"net less {part} torque", lead, case.above))
-    return case.compare("VAF [%]", comparisons, ours=net)
-
-
-def check_cascade_better_in_open_loop(case: Case) -> Row:
-    """One pass of the parallel cascade gives better torques of both paths in open loop."""
-    comparisons = []
-    for part in ("intrinsic", "reflex"):
-        opened, closed = (
-            case.mean("voluntary", part, CASCADE_ONCE, closed_loop=loop) for loop in (False, True)
-        )
-        comparisons.append(Comparison(f"{part} torque", opened - closed, case.above))
-    return case.compare("VAF in open loop less that in closed loop [points]", comparisons)
-
-
 def check_figure4_pr(case: Case) -> Row:
     """PR-MOESP is good at every gain."""
     comparisons = []
@@ -254,19 +256,6 @@ def check_figure4_pr(case: Case) -> Row:
         label = f"{torque} torque at gain {gain:g}"
         comparisons.append(Comparison(label, mean, case.above, case.claim.paper))
     return case.compare("mean VAF [%]", comparisons)
-
-
-def check_figure4_cascade_biased(case: Case) -> Row:
-    """The intrinsic torque by one pass of the parallel cascade is wrong at every gain, most of all at the highest."""
-    means = []
-    comparisons = []
-    for gain in case.settings["reflex_gain"]:
-        mean = case.mean("figure4", "intrinsic", CASCADE_ONCE, reflex_gain=gain)
-        means.append(mean)
-        comparisons.append(Comparison(f"gain {gain:g}", mean, case.below, 100.0))
-    fall = means[-1] - means[0]
-    comparisons.append(Comparison("highest gain less lowest", fall, case.below))
-    return case.compare("intrinsic VAF [%]", comparisons)
 
 
 def check_figure4_cascade_falls(case: Case) -> Row:
@@ -388,31 +377,6 @@ def check_unbiased(case: Case, method: str, variant: str = "") -> Row:
     return case.compare("error of K in closed loop [%]", comparisons, remark)
 
 
-def check_net_vaf_hides_bias(case: Case) -> Row:
-    """PR-MOESP explains more of the net torque than riv, and has a wrong K."""
-    lead = case.lead("voluntary", ("net", "pr-moesp"), ("net", "riv"), closed_loop=True)
-    error = case.mean("voluntary", "K_error", "pr-moesp", closed_loop=True)
-    comparisons = [
-        Comparison("net VAF less that of riv [points]", lead, (0.0, np.inf)),
-        Comparison("error of K [%]", error, case.above, size=True),
-    ]
-    return case.compare("PR-MOESP", comparisons, ours=error)
-
-
-def check_criteria(case: Case) -> Row:
-    """Net VAF and VAF of halves that were not fitted prefer PR-MOESP to riv; the instrumental VAF prefers riv."""
-    accepted = {
-        "vaf_net_measured": (0.0, np.inf),
-        "unseen_cross_validation": (0.0, np.inf),
-        "unseen_instrumental": (-np.inf, 0.0),
-    }
-    comparisons = []
-    for criterion, limits in accepted.items():
-        lead = case.lead("choosing", (criterion, "pr-moesp"), (criterion, "riv"))
-        comparisons.append(Comparison(QUANTITIES[criterion].symbol, lead, limits))
-    return case.compare("PR-MOESP less riv [points]", comparisons)
-
-
 def check_accurate(case: Case, *arms: str) -> Row:
     """K by PR-MOESP with one basis over all trials at the setting of Table 1; an arm is STUDY=METHOD."""
     samples = []
@@ -422,16 +386,3 @@ def check_accurate(case: Case, *arms: str) -> Row:
     error = Mean.of(np.concatenate(samples))
     comparison = Comparison("", error, case.within)
     return case.compare("error of K over all trials [%]", [comparison])
-
-
-def check_real_time_input(case: Case) -> Row:
-    """K by the real-time algorithm in open loop is right with its perturbation, and wrong with a PRBS."""
-    pulses, prbs = (
-        case.mean("real-time", "K_error", "real-time", perturbation=name, closed_loop=False)
-        for name in ("pulses", "prbs")
-    )
-    comparisons = [
-        Comparison("with the perturbation", pulses, case.within),
-        Comparison("with a PRBS", prbs, case.above, size=True),
-    ]
-    return case.compare("error of K in open loop [%]", comparisons)
