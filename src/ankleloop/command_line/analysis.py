@@ -94,13 +94,10 @@ def refuse_results(folder: Path, names: Collection[str]) -> None:
 def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
     """Analyse the recording of a study, and write its results into a folder; its table."""
     (name,) = study.points
-    window = study.settings.figure.model_dump(include={"start", "length"})
     folder.mkdir(parents=True, exist_ok=True)
     # In the same folder, so that what is complete only takes its name there.
     with tempfile.TemporaryDirectory(prefix=".ankleloop-", dir=folder) as temporary:
-        ((_, table),) = analyse_recordings(
-            study.chunks[0], study.analysed_methods, Path(temporary), window
-        )
+        ((_, table),) = analyse_recordings(folder=Path(temporary), **study.analysis(0))
         write_csv(table, Path(temporary, f"{name}-parameters.csv"))
         for earlier in (folder / name).glob("*"):
             if earlier.suffix in SUFFIXES and (

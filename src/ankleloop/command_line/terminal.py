@@ -78,7 +78,7 @@ def correct(words: Sequence[str], remedy: Mapping[str, Any]) -> list[str]:
         option, equals, _ = word.partition("=")
         if option not in settings:
             kept.append(word)
-        elif not equals and settings[option] is not True:
+        elif not equals:
             next(rest, None)  # its value
     return [*kept, *list_words(settings), *words[end:]]
 

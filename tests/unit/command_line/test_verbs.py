@@ -142,12 +142,7 @@ def run_workflow(path, reading, folder, methods):
     study = read_studies({"studies": {"laboratory": settings}})[1]["laboratory"]
     folder.mkdir()
     job = SimpleNamespace(
-        params=SimpleNamespace(
-            points=study.chunks[0],
-            methods=study.analysed_methods,
-            figure=study.settings.figure.model_dump(),
-            settings="",
-        ),
+        params=SimpleNamespace(arguments=study.analysis(0)),
         output=SimpleNamespace(folder=str(folder), table=str(folder / "table.parquet")),
         log=str(folder.with_suffix(".log")),
         rule="recordings",
