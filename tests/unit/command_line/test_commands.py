@@ -123,29 +123,6 @@ def test_a_remedy_is_a_command_that_is_ready_to_copy(capsys, remedy, options):
     )
 
 
-@pytest.mark.parametrize(
-    ("words", "remedy", "corrected"),
-    [
-        ([], {"torque_sign": -1}, ["--torque-sign", "-1"]),
-        (["--torque-sign", "-1"], {"torque_sign": 1}, ["--torque-sign", "1"]),
-        (
-            ["--torque-sign=-1", "--drift", "1"],
-            {"torque_sign": 1},
-            ["--drift", "1", "--torque-sign", "1"],
-        ),
-        (
-            ["--torque-sign", "1", "--torque-sign=1"],
-            {"position_sign": -1, "torque_sign": -1},
-            ["--position-sign", "-1", "--torque-sign", "-1"],
-        ),
-        (["--overwrite", "--start", "5"], {"overwrite": True}, ["--start", "5", "--overwrite"]),
-        (["--", "-a.csv"], {"drift": 1}, ["--drift", "1", "--", "-a.csv"]),
-    ],
-)
-def test_a_corrected_command_has_each_option_once(words, remedy, corrected):
-    assert correct(["check", *words], remedy) == ["check", *corrected]
-
-
 VALUES = {
     "torque_sign": ("1", "-1"),
     "position_sign": ("1", "-1"),

@@ -207,14 +207,6 @@ def test_estimates_with_a_warning_are_not_trusted_and_have_no_intervals(
     assert "every method that was fitted has a warning (riv)" in recommendation.text
 
 
-def test_a_refused_recording_has_only_its_reason():
-    trial = simulate(seed=1, duration=30.0)
-    analysis = analyse(trial.assign(torque=-trial["torque"]), METHODS)
-    assert analysis.estimates == {}
-    assert analysis.table["verdict"].tolist() == ["refused"]
-    assert "Set torque_sign: -1" in analysis.table["reasons"].iloc[0]
-
-
 def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():
     options = {"basis": "spline", "block_rows": 40, "input_matrices": "instruments"}
     analysis = analyse(

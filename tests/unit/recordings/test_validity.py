@@ -48,10 +48,3 @@ def test_least_squares_and_the_position_are_refused_unless_the_loop_is_open(loop
         )
     for method in ("moesp", "parallel-cascade", "real-time"):
         assert "not valid in closed loop" in reason_against(method, {}, *state)
-
-
-def test_cautions_stand_where_a_method_is_valid_with_a_bias():
-    assert METHODS["riv"].validity.closed_caution == METHODS["pr-moesp"].validity.open_caution == ""
-    assert "poles" in METHODS["pr-moesp"].validity.closed_caution
-    assert "white noise" in METHODS["eiv-moesp"].validity.open_caution
-    assert "white noise" in METHODS["moesp"].validity.open_caution

@@ -147,23 +147,10 @@ def test_files_are_analysed_over_their_scheduling_variable(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("phase", "phase"),
-        ("0.1 1.5 2.9", (0.1, 1.5, 2.9)),
-        ("0.1;1.5", (0.1, 1.5)),
-        ([0.1, 1.5], (0.1, 1.5)),
-    ],
-)
-def test_onsets_are_times_or_the_name_of_a_variable(text, value):
-    assert Recording(file="a.nc", cycle_onsets=text).cycle_onsets == value
-
-
 def test_tables_of_recordings_have_onsets_and_schedules(tmp_path):
     path = tmp_path / "table.csv"
     path.write_text(
-        "file,name,cycle_onsets,schedule\na.nc,a,0.5 1.9 3.3,\nb.nc,b,,ankle_angle\n",
+        "file,name,cycle_onsets,schedule\na.nc,a,0.5 1.9; 3.3,\nb.nc,b,,ankle_angle\n",
         encoding="utf-8",
     )
     recordings = read_recordings(path, {})
