@@ -35,14 +35,14 @@ def make_study(
     name: str,
     path: Path,
     recording: Recording,
-    methods: Sequence[str] = (),
-    options: Mapping[str, Any] | None = None,
+    methods: Sequence[str],
+    options: Mapping[str, Any],
 ) -> RecordedStudy:
     """The study of one recording, which the workflow would make of it, with options by [METHOD.]NAME."""
     chosen = usual_methods(
         reference="reference" in recording.channels, changing=recording.changes, names=methods
     )
-    for option, value in (options or {}).items():
+    for option, value in options.items():
         _set_option(chosen, option, value)
     settings = {
         "kind": "recordings",
@@ -74,7 +74,7 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
         )
     for label in concerned:
         methods[label]["options"][field] = value
-        methods[label].get("select", {}).pop(field, None)
+        methods[label]["select"].pop(field, None)
 
 
 def refuse_results(folder: Path, names: Collection[str]) -> None:

@@ -87,7 +87,8 @@ def identify(
     """
     from ankleloop.command_line import analysis
 
-    folder = output or Path("ankleloop-results" if len(files) > 1 else f"{files[0]}-results")
+    several = len(files) > 1
+    folder = output or Path("ankleloop-results" if several else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
     recordings = name_recordings(files)
@@ -101,7 +102,6 @@ def identify(
             recording = Recording(file=path.name)
         studies.append(analysis.make_study(name, path, recording, methods, fields))
     tables = []
-    several = len(files) > 1
     for number, (study, path) in enumerate(zip(studies, recordings.values(), strict=True), 1):
         if several:
             echo(f"file {number} of {len(files)}: {path}", err=True)

@@ -24,7 +24,6 @@ VERDICTS = {
 }
 PAPER, FINDING = "paper", "finding"  # whose statement a row is: the paper's or ours
 SECTIONS = {"table1": "IV, Table 1", "table2": "V, Table 2"}
-NUMBERS = ("ours", "uncertainty", "tolerance", "difference", "difference_low", "difference_high")
 LEDGER_COLUMNS = (
     "id",
     "section",
@@ -33,7 +32,12 @@ LEDGER_COLUMNS = (
     "torque",
     "unit",
     "paper",
-    *NUMBERS,
+    "ours",
+    "uncertainty",
+    "tolerance",
+    "difference",
+    "difference_low",
+    "difference_high",
     "verdict",
     "reason",
     "conditions",

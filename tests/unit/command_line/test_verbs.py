@@ -297,7 +297,7 @@ def test_the_help_names_the_methods(run):
 def test_riv_is_that_of_the_library_and_may_have_splines(recording):
     """One file has one result of riv, by the command and by the library."""
     reading = map_file(recording)
-    study = make_study("S1", recording, reading, ("riv",))
+    study = make_study("S1", recording, reading, ("riv",), {})
     method = study.analysed_methods["riv"]
     assert method["options"] == METHODS["riv"].options().model_dump()
     assert method["select"] == {}
