@@ -9,8 +9,9 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
+from matplotlib.markers import CARETLEFTBASE, CARETRIGHTBASE
 from matplotlib.ticker import LogLocator
 from numpy.typing import ArrayLike
 
@@ -121,19 +122,15 @@ def draw_panels(
     styles = styles or ordinal_styles(table["series"])
     figure = panel_grid(len(panels), columns, height, **options)
     rows = table.assign(**{**OPTIONAL, **table})
-    parts = dict(list(rows.groupby(["panel", "series"], sort=False)))
+    rows["number"] = pd.factorize(rows["series"])[0]
     first: dict[str, Axes] = {}  # panel of each quantity
     for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
         axis.set(xlabel=panel.xlabel, ylabel=panel.label, title=panel.title)
         if panel.label in first:
             axis.sharey(first[panel.label])
         first.setdefault(panel.label, axis)
-        for number, series in enumerate(rows["series"].unique()):
-            if (name, series) in parts:
-                part = parts[name, series]
-                style = styles[series.lstrip("_")]
-                cross_height = 0.03 + 0.04 * number
-                _draw_curve(axis, part, style, cross_height, joined=panel.joined)
+        for number, part in rows[rows["panel"] == name].groupby("number"):
+            _draw_curve(axis, part, styles, 0.03 + 0.04 * number, joined=panel.joined)
         if panel.truth is not None:
             axis.axhline(panel.truth, **REFERENCE_LINE, label="true value", zorder=1.5)
         if panel.limits:
@@ -171,8 +168,8 @@ def estimates_figure(
     height = max(CONDITION_HEIGHT, SYMBOL_HEIGHT * len(series)) * len(conditions) + 14.0
     figure = panel_grid(len(panels), PANEL_COLUMNS, height, sharex=same_axes, sharey=True)
     for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
-        axis.set(xlabel=panel.label, xlim=panel.limits, title=panel.title)
-        axis.set_ylim(len(conditions) - 0.5, -0.5)
+        bottom = len(conditions) - 0.5
+        axis.set(xlabel=panel.label, xlim=panel.limits, ylim=(bottom, -0.5), title=panel.title)
         axis.set_yticks(range(len(conditions)), conditions)
         for label, part in rows[rows["panel"] == name].groupby("series", sort=False):
             _draw_symbols(axis, part, styles[str(label)], panel.limits or (-np.inf, np.inf))
@@ -194,59 +191,48 @@ def _draw_symbols(
 ) -> None:
     """Symbols and intervals of a series; arrow heads at the limits of the panel for what is beyond."""
     low, high = limits
-    value = rows["value"].to_numpy(float)
-    heights = rows["height"].to_numpy()
+    value, heights = rows[["value", "height"]].to_numpy(float).T
     axis.hlines(heights, rows["low"], rows["high"], color=style.colour, lw=0.9, zorder=2)
-    inside = np.where((value < low) | (value > high), np.nan, value)
+    below = value < low
+    above = value > high
+    inside = np.where(below | above, np.nan, value)
     axis.plot(inside, heights, **style.symbol, ls="", label=rows["series"].iloc[0])
-    # Carets, their tips at the edge.
-    for beyond, edge, marker in ((value < low, low, 8), (value > high, high, 9)):
-        if beyond.any():
-            edges = np.full(beyond.sum(), edge)
-            axis.plot(edges, heights[beyond], marker=marker, color=style.colour, **ARROW_HEAD)
-    _draw_marks(axis, rows, value.clip(low, high), heights, style.colour)
+    places = value.clip(low, high)
+    for beyond, marker in ((below, CARETLEFTBASE), (above, CARETRIGHTBASE)):
+        _draw_marks(axis, beyond, places, heights, marker=marker, color=style.colour, **ARROW_HEAD)
+    _draw_marks(axis, rows["marked"], places, heights, **FAULT_RING)
+    left = np.full_like(heights, LEFT_EDGE)
+    cross = {**FAILURE_CROSS, "color": style.colour, "transform": axis.get_yaxis_transform()}
+    _draw_marks(axis, rows["failed"], left, heights, **cross)
 
 
 def _draw_curve(
-    axis: Axes, rows: pd.DataFrame, style: MethodStyle, cross_height: float, *, joined: bool
+    axis: Axes, rows: pd.DataFrame, styles: Styles, cross_height: float, *, joined: bool
 ) -> None:
-    """A curve with its band, or symbols with bars; marks of failures, those of lost means at a height in the panel."""
-    x, value, low, high = (rows[name].to_numpy(float) for name in ("x", "value", "low", "high"))
+    """A curve with its band, or symbols with bars; crosses of lost means are at a height in the panel."""
+    label = rows["series"].iloc[0]
+    style = styles[label.lstrip("_")]
+    x, value, low, high = rows[["x", "value", "low", "high"]].to_numpy(float).T
     look = style.curve if len(rows) <= MOST_SYMBOLS else style.line
     if not joined:
         look = {**style.symbol, "ls": ""}
         axis.vlines(x, low, high, color=style.colour, lw=0.9)
     elif np.isfinite(low).any():
         axis.fill_between(x, low, high, color=style.colour, alpha=BAND_OPACITY, lw=0)
-    axis.plot(x, value, **look, label=rows["series"].iloc[0])
-    _draw_marks(axis, rows, x, value, style.colour, cross_height)
+    axis.plot(x, value, **look, label=label)
+    _draw_marks(axis, rows["marked"], x, value, **FAULT_RING)
+    heights = np.full_like(x, cross_height)
+    cross = {**FAILURE_CROSS, "color": style.colour, "transform": axis.get_xaxis_transform()}
+    _draw_marks(axis, rows["failed"], x, heights, **cross)
 
 
 def _draw_marks(
-    axis: Axes,
-    rows: pd.DataFrame,
-    x: np.ndarray,
-    y: np.ndarray,
-    colour: str,
-    cross_height: float | None = None,
+    axis: Axes, chosen: ArrayLike, x: np.ndarray, y: np.ndarray, **look: Any
 ) -> None:
-    """Rings around means with failures or warnings, and crosses where every trial failed.
-
-    The crosses are at a height in the panel, or without a height at its left edge. Shapes: x, y (N,), as the rows.
-    """
-    marked = rows["marked"].to_numpy(bool) & np.isfinite(y) & np.isfinite(x)
-    if marked.any():
-        axis.plot(x[marked], y[marked], **FAULT_RING)
-    failed = rows["failed"].to_numpy(bool)
-    if not failed.any():
-        return
-    cross = {**FAILURE_CROSS, "color": colour}
-    if cross_height is None:
-        left = np.full(failed.sum(), LEFT_EDGE)
-        axis.plot(left, y[failed], transform=axis.get_yaxis_transform(), **cross)
-    else:
-        heights = np.full(failed.sum(), cross_height)
-        axis.plot(x[failed], heights, transform=axis.get_xaxis_transform(), **cross)
+    """Marks at the places that are chosen and exist; without any the legend has no entry. Shapes: all (N,)."""
+    shown = np.asarray(chosen, dtype=bool) & np.isfinite(x + y)
+    if shown.any():
+        axis.plot(x[shown], y[shown], **look)
 
 
 def note_lowest(axis: Axes, lowest: float) -> None:
@@ -275,16 +261,13 @@ def split_label(label: str) -> tuple[str, str]:
 
 def name_quantities(table: pd.DataFrame, panels: Mapping[str, Panel]) -> pd.DataFrame:
     """What is drawn as a table for readers: each row with the quantity, the unit and the title of its panel."""
-    facts = pd.DataFrame(
-        [
-            (*split_label(panel.label), panel.title.replace("\n", " "), panel.xlabel, panel.truth)
-            for panel in panels.values()
-        ],
-        index=list(panels),
-        columns=["quantity", "unit", "panel", "against", "true_value"],
-    )
+    facts = {
+        name: (*split_label(panel.label), panel.title.replace("\n", " "), panel.xlabel, panel.truth)
+        for name, panel in panels.items()
+    }
     shown = table[table["panel"].isin(panels)].reset_index(drop=True)
-    names = facts.loc[shown["panel"]].reset_index(drop=True)
+    columns = ["quantity", "unit", "panel", "against", "true_value"]
+    names = pd.DataFrame(shown["panel"].map(facts).to_list(), columns=columns)
     return names.join(shown.assign(series=shown["series"].str.lstrip("_")).drop(columns="panel"))
 
 
@@ -315,18 +298,15 @@ def finish(figure: DataFigure) -> DataFigure:
 
 def add_legend(figure: DataFigure) -> None:
     """Put the entries of all lines below the panels, as many in a row as fit: each label once, those of marks last."""
-    lines: dict[str, Line2D] = {}
+    lines: dict[str, Artist] = {}
     for axis in figure.axes:
-        for line in axis.get_lines():
-            label = str(line.get_label())
-            if not label.startswith("_"):
-                lines.setdefault(label, line)
+        for line, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            lines.setdefault(label, line)
     if not lines:
         return
     shown = sorted(lines.values(), key=lambda line: LEGEND_PLACES.get(line.get_gid() or "", 0))
-    letters = max(map(len, lines))
-    room = 72.0 * figure.get_figwidth() / (LEGEND_LETTER * letters + LEGEND_HANDLE)
-    columns = max(1, min(len(lines), int(room)))
+    width = LEGEND_LETTER * max(map(len, lines)) + LEGEND_HANDLE
+    columns = max(1, min(len(lines), int(72.0 * figure.get_figwidth() / width)))
     rows = -(-len(lines) // columns)
     figure.set_figheight(figure.get_figheight() + LEGEND_ROW / 25.4 * rows)
     figure.legend(handles=shown, loc="outside lower center", ncols=columns)
