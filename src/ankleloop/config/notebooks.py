@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Literal
 
@@ -42,6 +43,15 @@ Need = Literal[
 ]
 Prediction = Literal["known delay", "unknown delay", "reference alone", "trajectories", "pilots"]
 TRUTHS = {"stiffness", "viscosity", "inertia", "reflex_gain"}
+# Settings of a perturbation; points that differ in nothing else are compared with the usual one.
+PERTURBATION = (
+    "perturbation",
+    "amplitude",
+    "switching_interval",
+    "pulse_length",
+    "dwell_weights",
+    "torque_level",
+)
 NO_BOUND = ("reflex_threshold", "variation", "movement", "locked_torque")  # where one is not 0
 
 
@@ -116,6 +126,13 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
         method.fixed_options.get("max_passes")
         for method in methods.values()
         if method.method == "parallel-cascade"
+    ]
+    others = [name for name in varied if name not in PERTURBATION]
+    groups = {tuple(settings[name] for name in others) for settings in points}
+    usual = [
+        tuple(settings[name] for name in others)
+        for settings in points
+        if settings["perturbation"] == "prbs" and settings["switching_interval"] == 0.1
     ]
     searches_delay = any(
         method.method == "riv" and method.fixed_options.get("delay", 0.0) is None
@@ -197,8 +214,8 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             "a bound of the trajectories at every point: set reflex_threshold: 0, and snr_db or voluntary",
         ),
         "usual perturbation": (
-            ("prbs", 0.1) in [(s["perturbation"], s["switching_interval"]) for s in points],
-            "a point with the usual perturbation, prbs with switching_interval: 0.1",
+            Counter(usual) == Counter(groups),
+            "one point with the usual perturbation, prbs with switching_interval: 0.1, in each setting",
         ),
     }
     return {name: words for name, (has_it, words) in needs.items() if not has_it}

@@ -226,9 +226,7 @@ def _draw_curve(
     _draw_marks(axis, rows["failed"], x, heights, **cross)
 
 
-def _draw_marks(
-    axis: Axes, chosen: ArrayLike, x: np.ndarray, y: np.ndarray, **look: Any
-) -> None:
+def _draw_marks(axis: Axes, chosen: ArrayLike, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
     """Marks at the places that are chosen and exist; without any the legend has no entry. Shapes: all (N,)."""
     shown = np.asarray(chosen, dtype=bool) & np.isfinite(x + y)
     if shown.any():
