@@ -26,10 +26,9 @@ from ankleloop.plotting.style import (
 )
 
 FAULT = "fault"  # group of the marks of failures and warnings
-LEGEND_PLACES = {MARK: 1, FAULT: 2}  # of groups, behind the series
+LEGEND_PLACES = {None: 0, MARK: 1, FAULT: 2}  # of groups, behind the series
 # Around the symbol of a mean: some of its trials failed, or came with a warning.
 FAULT_RING: dict[str, Any] = {
-    "ls": "",
     "marker": "o",
     "ms": 6.0,
     "mfc": "none",
@@ -41,7 +40,6 @@ FAULT_RING: dict[str, Any] = {
 }
 # At an edge of a panel, in the colour of the method: every trial of a mean failed.
 FAILURE_CROSS: dict[str, Any] = {
-    "ls": "",
     "marker": "x",
     "ms": 4.5,
     "zorder": 4,
@@ -50,7 +48,7 @@ FAILURE_CROSS: dict[str, Any] = {
     "gid": FAULT,
 }
 # At an edge of a panel, in the colour of the method: the mean lies beyond it.
-ARROW_HEAD: dict[str, Any] = {"ls": "", "ms": 5.0, "mew": 0.0, "zorder": 3, "clip_on": False}
+ARROW_HEAD: dict[str, Any] = {"ms": 5.0, "mew": 0.0, "zorder": 3, "clip_on": False}
 LEFT_EDGE = 0.02  # place of crosses in panels of symbols
 BAND_OPACITY = 0.22
 NOTE: dict[str, Any] = {"xycoords": "axes fraction", "fontsize": 6.5, "color": "#555555"}
@@ -156,9 +154,9 @@ def estimates_figure(
     """
     styles = styles or ordinal_styles(table["series"].dropna())
     if "margin" in table:
-        low = table["value"] - table["margin"]
-        high = table["value"] + table["margin"]
-        table = table.assign(low=low, high=high)
+        table = table.assign(
+            low=table["value"] - table["margin"], high=table["value"] + table["margin"]
+        )
     rows = table.assign(**{**OPTIONAL, **table})
     condition, conditions = pd.factorize(rows["row"])
     number, series = pd.factorize(rows["series"])
@@ -201,9 +199,15 @@ def _draw_symbols(
     for beyond, marker in ((below, CARETLEFTBASE), (above, CARETRIGHTBASE)):
         _draw_marks(axis, beyond, places, heights, marker=marker, color=style.colour, **ARROW_HEAD)
     _draw_marks(axis, rows["marked"], places, heights, **FAULT_RING)
-    left = np.full_like(heights, LEFT_EDGE)
-    cross = {**FAILURE_CROSS, "color": style.colour, "transform": axis.get_yaxis_transform()}
-    _draw_marks(axis, rows["failed"], left, heights, **cross)
+    _draw_marks(
+        axis,
+        rows["failed"],
+        np.full_like(heights, LEFT_EDGE),
+        heights,
+        color=style.colour,
+        transform=axis.get_yaxis_transform(),
+        **FAILURE_CROSS,
+    )
 
 
 def _draw_curve(
@@ -221,16 +225,22 @@ def _draw_curve(
         axis.fill_between(x, low, high, color=style.colour, alpha=BAND_OPACITY, lw=0)
     axis.plot(x, value, **look, label=label)
     _draw_marks(axis, rows["marked"], x, value, **FAULT_RING)
-    heights = np.full_like(x, cross_height)
-    cross = {**FAILURE_CROSS, "color": style.colour, "transform": axis.get_xaxis_transform()}
-    _draw_marks(axis, rows["failed"], x, heights, **cross)
+    _draw_marks(
+        axis,
+        rows["failed"],
+        x,
+        np.full_like(x, cross_height),
+        color=style.colour,
+        transform=axis.get_xaxis_transform(),
+        **FAILURE_CROSS,
+    )
 
 
 def _draw_marks(axis: Axes, chosen: ArrayLike, x: np.ndarray, y: np.ndarray, **look: Any) -> None:
     """Marks at the places that are chosen and exist; without any the legend has no entry. Shapes: all (N,)."""
     shown = np.asarray(chosen, dtype=bool) & np.isfinite(x + y)
     if shown.any():
-        axis.plot(x[shown], y[shown], **look)
+        axis.plot(x[shown], y[shown], ls="", **look)
 
 
 def note_lowest(axis: Axes, lowest: float) -> None:
@@ -251,21 +261,20 @@ def set_logarithmic(axes: Axes, direction: str) -> None:
     axis.set_minor_formatter("")
 
 
-def split_label(label: str) -> tuple[str, str]:
-    """Split the label of an axis into the quantity and its unit."""
-    quantity, _, unit = label.replace("\n", " ").partition(" [")
-    return quantity, unit.rstrip("]")
-
-
 def name_quantities(table: pd.DataFrame, panels: Mapping[str, Panel]) -> pd.DataFrame:
     """What is drawn as a table for readers: each row with the quantity, the unit and the title of its panel."""
-    facts = {
-        name: (*split_label(panel.label), panel.title.replace("\n", " "), panel.xlabel, panel.truth)
-        for name, panel in panels.items()
-    }
+    facts = {}
+    for name, panel in panels.items():
+        quantity, _, unit = panel.label.replace("\n", " ").partition(" [")
+        facts[name] = {
+            "quantity": quantity,
+            "unit": unit.rstrip("]"),
+            "panel": panel.title.replace("\n", " "),
+            "against": panel.xlabel,
+            "true_value": panel.truth,
+        }
     shown = table[table["panel"].isin(panels)].reset_index(drop=True)
-    columns = ["quantity", "unit", "panel", "against", "true_value"]
-    names = pd.DataFrame(shown["panel"].map(facts).to_list(), columns=columns)
+    names = pd.DataFrame(map(facts.get, shown["panel"]))
     return names.join(shown.assign(series=shown["series"].str.lstrip("_")).drop(columns="panel"))
 
 
@@ -277,15 +286,13 @@ def finish(figure: DataFigure) -> DataFigure:
         place = axis.get_subplotspec()  # a colour bar has none
         if place:
             places[place.rowspan.start, place.colspan.start] = axis
-    labels = {axis: (axis.get_xlabel(), axis.get_ylabel()) for axis in places.values()}
     for (row, column), axis in places.items():
-        xlabel, ylabel = labels[axis]
         left = places.get((row, column - 1))
-        if left and labels[left][1] == ylabel and axis.get_shared_y_axes().joined(axis, left):
+        if left and axis.get_shared_y_axes().joined(axis, left):
             axis.set_ylabel("")
             axis.tick_params(labelleft=False)
         below = places.get((row + 1, column))
-        if below and labels[below][0] == xlabel and axis.get_shared_x_axes().joined(axis, below):
+        if below and axis.get_shared_x_axes().joined(axis, below):
             axis.set_xlabel("")
             axis.tick_params(labelbottom=False)
         else:  # also where the panels below are hidden
@@ -302,7 +309,7 @@ def add_legend(figure: DataFigure) -> None:
             lines.setdefault(label, line)
     if not lines:
         return
-    shown = sorted(lines.values(), key=lambda line: LEGEND_PLACES.get(line.get_gid() or "", 0))
+    shown = sorted(lines.values(), key=lambda line: LEGEND_PLACES[line.get_gid()])
     width = LEGEND_LETTER * max(map(len, lines)) + LEGEND_HANDLE
     columns = max(1, min(len(lines), int(72.0 * figure.get_figwidth() / width)))
     rows = -(-len(lines) // columns)

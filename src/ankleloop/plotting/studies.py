@@ -55,20 +55,23 @@ def curves_figure(
     """
     direction = "x" if log else ""
     panels = {name: replace(panel, xlabel=xlabel, log=direction) for name, panel in panels.items()}
-    columns = min(PANEL_COLUMNS, len(panels))
+    upper = {}
     if above is not None:
-        upper = {}
         for name, panel in panels.items():
             label = panel.label.replace(" [", f" above {above:g} [")
             _, top = panel.limits or (0.0, 100.0)
             upper[f"upper {name}"] = replace(panel, label=label, limits=(above, top))
-        panels = {**upper, **panels}
-        table = pd.concat([table.assign(panel="upper " + table["panel"]), table], ignore_index=True)
-    width = ONE_COLUMN if len(panels) == 1 else TWO_COLUMNS
-    figure = draw_panels(table, panels, styles, columns=columns, width=width, sharex=True)
-    for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
-        if panel.limits and panel.limits[0] != above:
-            note_lowest(axis, table.loc[table["panel"] == name, "value"].min())
+        table = pd.concat([table.assign(panel="upper " + table["panel"]), table])
+    figure = draw_panels(
+        table,
+        {**upper, **panels},
+        styles,
+        columns=min(PANEL_COLUMNS, len(panels)),
+        width=TWO_COLUMNS if len(panels) > 1 or upper else ONE_COLUMN,
+        sharex=True,
+    )
+    for axis, name in zip(figure.axes[len(upper) :], panels, strict=True):
+        note_lowest(axis, table.loc[table["panel"] == name, "value"].min())
     return finish(figure)
 
 
@@ -76,9 +79,11 @@ def ratio_figure(table: pd.DataFrame, *, limit: float, styles: Styles | None = N
     """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a symbol for a method."""
     panels = {}
     for name in table["panel"].unique():
-        title = name.replace(", ", ",\n", 1)
         panels[name] = Panel(
-            "rms error over the bound [1]", title=title, limits=RATIO_LIMITS, log="x"
+            "rms error over the bound [1]",
+            title=name.replace(", ", ",\n", 1),
+            limits=RATIO_LIMITS,
+            log="x",
         )
     levels = {"the bound": (1.0, TRUE.line), f"{limit:g} times the bound": (limit, REFERENCE_LINE)}
     shown = table.filter(["panel", "row", "series", "marked", "failed"])
@@ -110,15 +115,9 @@ def traces_figure(
                 xlabel="time [s]",
             )
             parts.append(curve(panel, "estimate", trace["time"], trace[name], condition=condition))
-    figure = draw_panels(
-        pd.concat(parts),
-        panels,
-        {"estimate": replace(style, more={"lw": 0.9})},
-        columns=len(traces),
-        height=34.0,
-        sharex=True,
-    )
-    return finish(figure)
+    styles = {"estimate": replace(style, more={"lw": 0.9})}
+    table = pd.concat(parts)
+    return finish(draw_panels(table, panels, styles, columns=len(traces), height=34.0, sharex=True))
 
 
 def order_figure(
