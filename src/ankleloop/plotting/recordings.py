@@ -30,18 +30,24 @@ RESPONSE_RATE = 1e3  # Hz
 BODE_FREQUENCIES = np.geomspace(0.2, 38.0, 200)  # Hz
 MARGIN = 0.08  # of the range of the values that are shown, at either side
 FREQUENCY = "frequency [Hz]"
-COHERENCE = "squared coherence [1]"
 PER_SAMPLE = {"ls": "", "marker": ".", "ms": 2.5, "mew": 0.0}  # look of a reflex response
 SIGNAL = MethodStyle("#444444", "")
-SPECTRA = {  # panel, legend and style of each
-    "position": ("position [rad²/Hz]", "_position", SIGNAL),
-    "torque": ("torque [(N·m)²/Hz]", "_torque", SIGNAL),
-    "coherence": (COHERENCE, "position and torque", MethodStyle("#1B1044", "")),
-    "reference_coherence": (
-        COHERENCE,
-        "reference and position",
-        MethodStyle("#2A788E", "", dashes=(4, 1.2)),
-    ),
+SPECTRUM_STYLES = {
+    "position": SIGNAL,
+    "torque": SIGNAL,
+    "position and torque": MethodStyle("#1B1044", ""),
+    "reference and position": MethodStyle("#2A788E", "", dashes=(4, 1.2)),
+}
+SPECTRUM_PANELS = {
+    "position": Panel("position [rad²/Hz]", xlabel=FREQUENCY, log="xy"),
+    "torque": Panel("torque [(N·m)²/Hz]", xlabel=FREQUENCY, log="xy"),
+    "coherence": Panel("squared coherence [1]", limits=(0.0, 1.02), xlabel=FREQUENCY, log="x"),
+}
+SPECTRA = {  # panel and series of each
+    "position": ("position", "_position"),
+    "torque": ("torque", "_torque"),
+    "coherence": ("coherence", "position and torque"),
+    "reference_coherence": ("coherence", "reference and position"),
 }
 MODEL_PANELS = {
     "phase": Panel("intrinsic phase [°]", xlabel=FREQUENCY, log="x"),
@@ -58,16 +64,13 @@ MODEL_PANELS = {
 
 def spectra_figure(spectra: Mapping[str, np.ndarray]) -> DataFigure:
     """Power spectra of position and torque, and their coherence."""
-    panels = {}
-    parts = []
-    styles = {}
-    for name, (label, series, style) in SPECTRA.items():
-        if name in spectra:
-            panels[label] = Panel(label, xlabel=FREQUENCY, log="xy")
-            parts.append(curve(label, series, spectra["frequency"], spectra[name]))
-            styles[series.lstrip("_")] = style
-    panels[COHERENCE] = Panel(COHERENCE, limits=(0.0, 1.02), xlabel=FREQUENCY, log="x")
-    return finish(draw_panels(pd.concat(parts), panels, styles, height=48.0))
+    parts = [
+        curve(*place, spectra["frequency"], spectra[name])
+        for name, place in SPECTRA.items()
+        if name in spectra
+    ]
+    table = pd.concat(parts)
+    return finish(draw_panels(table, SPECTRUM_PANELS, SPECTRUM_STYLES, height=48.0))
 
 
 def model_figure(estimates: Mapping[str, Estimate]) -> DataFigure:
@@ -81,8 +84,8 @@ def model_figure(estimates: Mapping[str, Estimate]) -> DataFigure:
         parts += _list_curves(label, estimate)
         styles[f"{label}, per sample"] = replace(styles[label], more=PER_SAMPLE)
     table = pd.concat(parts)
-    hidden = "phase" if "response" in set(table["panel"]) else "response"
-    panels = {name: panel for name, panel in MODEL_PANELS.items() if name != hidden}
+    panels = dict(MODEL_PANELS)
+    del panels["phase" if "response" in set(table["panel"]) else "response"]
     return finish(draw_panels(table, panels, styles, height=52.0))
 
 
@@ -101,8 +104,9 @@ def _list_curves(label: str, estimate: Estimate) -> list[pd.DataFrame]:
         curves.append(curve("response", f"_{label}", lags, model.intrinsic))
     nonlinearity = estimate.diagnostics.get("nonlinearity")
     if nonlinearity is not None:
-        velocity = nonlinearity["velocity"]
-        curves.append(curve("nonlinearity", label, velocity, nonlinearity["torque"]))
+        curves.append(
+            curve("nonlinearity", label, nonlinearity["velocity"], nonlinearity["torque"])
+        )
     reflex = estimate.reflex
     if "omega_n" not in reflex:
         return curves
@@ -119,10 +123,9 @@ def _list_curves(label: str, estimate: Estimate) -> list[pd.DataFrame]:
     if isinstance(model, ResponseModel):
         lags = model.lags()["reflex_lag"].values
         shown = lags < LONGEST_RESPONSE
-        unit_gain = model.reflex / reflex["G"] / (lags[1] - lags[0])
         times = reflex["delay"] + lags[shown]
-        series = f"_{label}, per sample"
-        curves.append(curve("reflex response", series, times, unit_gain[shown]))
+        unit_gain = model.reflex[shown] / reflex["G"] / lags[1]
+        curves.append(curve("reflex response", f"_{label}, per sample", times, unit_gain))
     return curves
 
 
@@ -166,20 +169,21 @@ def recordings_figure(table: pd.DataFrame, names: Sequence[str]) -> DataFigure:
     for name in names:
         values = table.reindex(columns=[name, f"{name}_low", f"{name}_high"])
         values = values.set_axis(["value", "low", "high"], axis="columns")
-        part = pd.DataFrame({"panel": name, "row": rows, "series": labels, **values})
-        parts.append(part.assign(marked=~trusted & part["value"].notna()))
+        marked = ~trusted & values["value"].notna()
+        parts.append(
+            pd.DataFrame({"panel": name, "row": rows, "series": labels, **values, "marked": marked})
+        )
         shown = values[trusted if trusted.any() else ~trusted]
         low = shown.min(axis=None)
         high = shown.max(axis=None)
         margin = MARGIN * (high - low) or MARGIN * abs(high) or 1.0
         limits = (low - margin, high + margin) if np.isfinite(high) else None
         panels[name] = Panel(QUANTITIES[name].label, limits=limits)
-    return estimates_figure(pd.concat(parts, ignore_index=True), panels)
+    return estimates_figure(pd.concat(parts), panels)
 
 
 def _name_recording(row: pd.Series) -> str:
     """Name of a recording, with subject and condition where the table has them."""
-    name = str(row["recording"])
-    known = [str(row[key]) for key in ("subject", "condition") if pd.notna(row.get(key))]
+    known = row.reindex(["subject", "condition"]).fillna("").astype(str)
     group = ", ".join(text for text in known if text not in ("", "–"))
-    return f"{name} ({group})" if group else name
+    return f"{row['recording']} ({group})" if group else str(row["recording"])
