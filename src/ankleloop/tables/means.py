@@ -55,15 +55,13 @@ def measure_statistics(
     quantiles: Mapping[str, float] | None = None,
 ) -> pd.DataFrame:
     """Mean, standard deviation, number, margin and quantiles of each quantity in each group, as `means` has them."""
-    numbers = table[list(by)].assign(**{name: table.get(name) for name in quantities})
-    numbers = numbers.astype(dict.fromkeys(quantities, float))
+    numbers = table.reindex(columns=[*by, *quantities]).astype(dict.fromkeys(quantities, float))
     groups = numbers.groupby(list(by), sort=False, dropna=False, observed=True)[list(quantities)]
     parts = {name: getattr(groups, function)() for name, function in STATISTICS.items()}
+    parts["margin"] = confidence_margin(parts["sd"], parts["n"])
     parts |= {name: groups.quantile(share) for name, share in (quantiles or {}).items()}
     rows = pd.concat(parts, axis="columns").stack(level=1, future_stack=True)
-    rows = rows.rename_axis([*by, "quantity"]).reset_index().astype({"n": int})
-    rows.insert(len(by) + 4, "margin", confidence_margin(rows["sd"], rows["n"]))
-    return rows
+    return rows.rename_axis([*by, "quantity"]).reset_index().astype({"n": int})
 
 
 def count_outcomes(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
@@ -73,7 +71,7 @@ def count_outcomes(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """
     keys = list(dict.fromkeys([*by, "point", "trial"]))
     faults = table[keys].assign(**list_faults(table))
-    gains = table["G"] if "G" in table else pd.Series(0.0, table.index)
+    gains = table.get("G", pd.Series(0.0, table.index))
     faults["without G"] = gains.isna() & ~faults["failures"]
     groups = {"sort": False, "dropna": False, "observed": True}
     trials = faults.groupby(keys, **groups).any().reset_index().assign(trials=1)
@@ -98,7 +96,7 @@ def mark_faults(rows: pd.DataFrame) -> pd.Series:
 def widen(rows: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Means with a row for each group, and columns NAME_mean, NAME_std, NAME_count of each quantity."""
     keys = list(by)
-    groups = rows.drop_duplicates(keys).reset_index(drop=True)
+    groups = rows.drop_duplicates(keys, ignore_index=True)
     table = groups[keys]
     for name, part in rows.groupby("quantity", sort=False):
         numbers = part[list(STATISTICS)].rename(columns=STATISTICS).reset_index(drop=True)
@@ -109,9 +107,8 @@ def widen(rows: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
 def mean_scores(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Means of each VAF over trials, a row for each torque and what it is scored against."""
     rows = means(table, by, [name for name in table if name.startswith("vaf_")])
-    words = rows["quantity"].str.split("_", expand=True)
-    rows = rows.assign(torque=words[1], against=words[2])
-    return rows[[*by, "torque", "against", *STATISTICS, "margin", *COUNTS]]
+    words = rows["quantity"].str.extract("vaf_(?P<torque>.*)_(?P<against>.*)")
+    return rows.join(words)[[*by, "torque", "against", *STATISTICS, "margin", *COUNTS]]
 
 
 def curve_means(
@@ -125,7 +122,6 @@ def curve_means(
     panels = pd.DataFrame({"panel": list(columns), "quantity": list(columns.values())})
     quantities = list(dict.fromkeys(columns.values()))
     rows = panels.merge(means(table, keys, quantities), on="quantity")
-    order = {name: number for number, name in enumerate(dict.fromkeys(table["series"]))}
     shown = rows[[*by, "panel", "series"]].assign(
         x=rows[x],
         value=rows["mean"],
@@ -134,5 +130,6 @@ def curve_means(
         trials=rows["n"],
         marked=mark_faults(rows),
         failed=rows["failures"] == rows["trials"],
+        number=pd.factorize(rows["series"])[0],
     )
-    return shown.sort_values(["series", "x"], key=lambda column: column.replace(order))
+    return shown.sort_values(["number", "x"]).drop(columns="number")
