@@ -55,8 +55,11 @@ def format_load(settings: Settings) -> str:
 
 def format_point(settings: Settings, varied: Collection[str] = ()) -> str:
     """Load, reflex gain and voluntary torque of a point, and what else is varied, for the title of a panel."""
-    texts = [format_load(settings), f"gain {settings['reflex_gain']:g}"]
-    texts.append(f"voluntary {100 * settings['voluntary']:g} %")
+    texts = [
+        format_load(settings),
+        f"gain {settings['reflex_gain']:g}",
+        f"voluntary {100 * settings['voluntary']:g} %",
+    ]
     titled = (*LOAD, "reflex_gain", "voluntary")
     others = {name: settings[name] for name in varied if name not in titled}
     return ", ".join(filter(None, [*texts, describe_values(others)]))

@@ -101,7 +101,7 @@ def format_table(table: pd.DataFrame, labels: Labels) -> pd.DataFrame:
     cells = table.drop(columns=["paper", "mean", "sd", "n", *COUNTS])
     cells = cells.replace({"method": dict(labels)})
     settings = cells.select_dtypes("number").columns
-    cells[settings] = cells[settings].map("{:g}".format).astype(object)
+    cells[settings] = cells[settings].map("{:g}".format)
     numbers = table.assign(
         margin=confidence_margin(table["sd"], table["n"]),
         difference=table["mean"] - table["paper"],
@@ -130,10 +130,11 @@ def compare_with_bound(
                 continue
             values = part[name].dropna()
             mean = values.mean()
-            rmse = float(np.sqrt(((values - truth) ** 2).mean()))
+            rmse = np.sqrt(((values - truth) ** 2).mean())
             bound = bounds[point, method].get(name, np.nan)
-            ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna().astype(float)
+            ends = part.reindex(columns=[f"{name}_low", f"{name}_high"]).dropna()
             low, high = (ends[column] for column in ends)
+            is_inside = (low <= truth) & (truth <= high)
             row = {
                 "point": point,
                 "method": method,
@@ -145,8 +146,8 @@ def compare_with_bound(
                 "rmse": rmse,
                 "n": len(values),
                 "bound": bound,
-                "ratio": rmse / bound if bound > 0 else np.nan,
-                "covered": 100.0 * ((low <= truth) & (truth <= high)).mean(),
+                "ratio": rmse / bound,
+                "covered": 100.0 * is_inside.mean(),
             }
             rows.append(row)
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), on=keys)
@@ -219,7 +220,7 @@ def _measure_changes(
         cost_margins = np.hypot(margins, complete_margins)
     numbers = {"mean": means, "margin": margins, "cost": costs, "cost_margin": cost_margins}
     return {
-        f"{name}_{key}": float(column[name])
+        f"{name}_{key}": column[name]
         for name in OMISSION_COLUMNS
         for key, column in numbers.items()
     }

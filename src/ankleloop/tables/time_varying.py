@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.estimate_files import load_estimates
+from ankleloop.quantities import TRAJECTORIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 from ankleloop.tables.captions import LOAD, describe_values, format_load
@@ -20,8 +20,6 @@ from ankleloop.tables.means import count_outcomes, measure_statistics
 from ankleloop.tables.outcomes import Points, Settings
 from ankleloop.trials.files import PathLike
 
-# Parameters by the names of the trajectories of a simulation.
-TRAJECTORY_PARAMETERS = {"stiffness": "K", "viscosity": "B", "gain": "G"}
 # Scores of a trajectory in the table of trials, by the column of their mean.
 TRAJECTORY_SCORES = {"error": "nrmse", "mean_error": "bias", "covered": "covered"}
 VARIATIONS = {
@@ -30,6 +28,7 @@ VARIATIONS = {
     "schedule": "scheduling variable, {:g} s",
 }
 TITLED = {*LOAD, "voluntary", "variation", "duration", "cycle_jitter"}  # in words of their own
+MOST_POINTS = 4  # that a figure shows
 PLACES = 101
 SPREAD = (0.025, 0.975)  # quantiles of the trials
 
@@ -42,8 +41,9 @@ def profile_trajectories(
     Shapes: coordinate (places,); returns (places,).
     """
     # Points of a study have options of methods beside the settings.
-    known = SimulationSettings.model_fields
-    simulated = {name: value for name, value in settings.items() if name in known}
+    simulated = {
+        name: settings[name] for name in SimulationSettings.model_fields if name in settings
+    }
     simulated["cycle_jitter"] = 0.0
     if dimension != "phase":  # a straight path over a record of any length takes each place in turn
         simulated["variation"] = "time"
@@ -51,7 +51,7 @@ def profile_trajectories(
     extents = {"phase": chosen.cycle_duration, "schedule": chosen.duration, "time": 1.0}
     course = draw_course(chosen, np.random.default_rng(0))
     truth = trajectories(course, coordinate * extents[dimension])
-    return {TRAJECTORY_PARAMETERS[name]: values for name, values in truth._asdict().items()}
+    return dict(zip(TRAJECTORIES, truth, strict=True))
 
 
 def average_trajectories(estimates: Iterable[Estimate], settings: Settings) -> pd.DataFrame:
@@ -65,11 +65,12 @@ def average_trajectories(estimates: Iterable[Estimate], settings: Settings) -> p
     coordinate = np.linspace(start, stop, PLACES)
     truths = profile_trajectories(settings, dimension, coordinate)
     tables = []
-    for name in TRAJECTORY_TRUTHS:
-        values = [np.interp(coordinate, curve[dimension], curve[name]) for curve in curves]
-        trials = pd.DataFrame(values)
+    for name in TRAJECTORIES:
+        trials = pd.DataFrame(
+            [np.interp(coordinate, curve[dimension], curve[name]) for curve in curves]
+        )
         low, high = trials.quantile(SPREAD).to_numpy() if len(curves) > 1 else (np.nan, np.nan)
-        columns = {
+        table = {
             "place": coordinate,
             "truth": truths[name],
             "mean": trials.mean(),
@@ -80,7 +81,7 @@ def average_trajectories(estimates: Iterable[Estimate], settings: Settings) -> p
             "parameter": name,
             "dimension": dimension,
         }
-        tables.append(pd.DataFrame(columns))
+        tables.append(pd.DataFrame(table))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -109,8 +110,7 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
     """
     keys = ["point", "method"]
     curves = dict(iter(averages.groupby([*keys, "parameter"], sort=False)))
-    no_curve = pd.DataFrame(columns=averages.columns, dtype=float)
-    names = [name for name in TRAJECTORY_TRUTHS if f"{name}_nrmse" in details]
+    names = [name for name in TRAJECTORIES if f"{name}_nrmse" in details]
     rows = []
     for (point, method), part in details.groupby(keys, sort=False):
         for name in names:
@@ -120,23 +120,23 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
             *means, rise = statistics[["mean", "margin"]].to_numpy()
             for column, (mean, margin) in zip(TRAJECTORY_SCORES, means, strict=True):
                 row |= {column: mean, f"{column}_margin": margin}
-            curve = curves.get((point, method, name), no_curve)
+            curve = curves.get((point, method, name), averages.head(0))
             scale = 100.0 / curve["truth"].mean()
             bias = scale * _root_mean_square(curve["mean"] - curve["truth"])
             random = scale * _root_mean_square(curve["sd"])
-            total = np.hypot(bias, random)
-            rows.append({**row, "bias": bias, "random": random, "total": total, "rise": rise[0]})
+            row |= {"bias": bias, "random": random, "total": np.hypot(bias, random)}
+            rows.append({**row, "rise": rise[0]})
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
 
 
 def _root_mean_square(values: pd.Series) -> float:
     """Root of the mean of the squares of what has a value."""
-    return float(np.sqrt((values**2).mean()))
+    return np.sqrt((values**2).mean())
 
 
 def count_cycles(details: pd.DataFrame) -> str:
     """Smallest and largest number of whole cycles of a trial that were identified; empty without cycles."""
-    counts = details.get("cycles", pd.Series(dtype=float)).dropna()
+    counts = details.reindex(columns=["cycles"]).dropna()["cycles"]
     if counts.empty:
         return ""
     ends = [f"{counts.min():.0f}", f"{counts.max():.0f}"]
@@ -157,11 +157,11 @@ def title_setting(settings: Settings, varied: Sequence[str]) -> str:
     return ", ".join(filter(None, [*parts, others]))
 
 
-def typical_points(points: Points, most: int = 4) -> list[str]:
+def typical_points(points: Points) -> list[str]:
     """Points that a figure shows: all of a few, else some at equal distances in their list."""
     names = list(points)
-    step = max(1.0, len(names) / most)
-    return [names[int((number + 0.5) * step)] for number in range(min(most, len(names)))]
+    count = min(MOST_POINTS, len(names))
+    return [names[int((number + 0.5) * len(names) / count)] for number in range(count)]
 
 
 def compare_with_bound(details: pd.DataFrame, bounds: pd.DataFrame, method: str) -> pd.DataFrame:
@@ -179,7 +179,7 @@ def compare_with_bound(details: pd.DataFrame, bounds: pd.DataFrame, method: str)
         if point not in bounds.index:
             continue
         bound = bounds.loc[point]
-        for name in TRAJECTORY_TRUTHS:
+        for name in TRAJECTORIES:
             unit = 100.0 / bound[f"{name}_truth"]
             means = part[f"{name}_bias"].dropna()
             error = _root_mean_square(part[f"{name}_nrmse"])

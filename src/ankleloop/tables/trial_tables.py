@@ -9,7 +9,6 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 from pyarrow import dataset, parquet
@@ -45,8 +44,7 @@ def as_table(rows: Sequence[Mapping[str, Any]], types: Mapping[str, pa.DataType]
     known_types = {**COLUMN_TYPES, **types}
     for name in dict.fromkeys([*(name for row in rows for name in row), *FAULT_COLUMNS]):
         values = [None if row.get(name) == "" else row.get(name) for row in rows]
-        kind = known_types.get(name, pa.float64())
-        columns[name] = pa.array(values, kind, from_pandas=True)
+        columns[name] = pa.array(values, known_types.get(name, pa.float64()), from_pandas=True)
     return pa.table(columns)
 
 
@@ -123,11 +121,13 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
 def read_results(path: PathLike) -> pd.DataFrame:
     """Trials of a study without the intervals of their VAF, by point, method and trial."""
     table = read_trial_table(path)
-    ranks = [pd.factorize(table[name])[0] for name in ("method", "point")]
-    table = table.iloc[np.lexsort((table["trial"], *ranks))].reset_index(drop=True)
+    table = table.sort_values(
+        ["point", "method", "trial"],
+        key=lambda column: pd.factorize(column)[0],  # in the order of their first appearance
+        ignore_index=True,
+    )
     table = table.astype(dict.fromkeys(table.select_dtypes("category").columns, object))
-    ends = [name for name in table if name.startswith("vaf_") and name.endswith(ENDS)]
-    return table.drop(columns=ends)
+    return table.drop(columns=table.filter(regex="^vaf_.*_(low|high)$").columns)
 
 
 def _read_schema(path: PathLike) -> pa.Schema:
@@ -141,24 +141,19 @@ def _order_columns(names: Collection[str]) -> list[str]:
     """Keys, scores, parameters and diagnostics, faults."""
     varied = [name for name in names if name.startswith(POINT)]
     first = ["study", "point", *varied, "method", "trial"]
-    ranks = {name: rank for rank, name in enumerate(QUANTITIES)}
-
-    def place(name: str) -> tuple[bool, int, str]:
-        quantity = name.removesuffix("_low").removesuffix("_high")
-        rank = ranks.get(quantity, len(ranks))
-        return not name.startswith("vaf_"), rank, name.replace("_low", "_ends")
-
-    numbers = sorted(set(names) - {*first, *FAULT_COLUMNS}, key=place)
-    return [*first, *numbers, *FAULT_COLUMNS]
+    quantities = [name + end for name in QUANTITIES for end in ("", *ENDS)]
+    scores = [name for name in quantities if name.startswith("vaf_")]
+    present = set(names) - set(FAULT_COLUMNS)
+    others = sorted(present - {*first, *quantities})
+    order = dict.fromkeys([*first, *scores, *quantities, *others])
+    return [*(name for name in order if name in present), *FAULT_COLUMNS]
 
 
 def default_quantities(columns: Collection[str]) -> list[str]:
     """Quantities that are shown where the configuration names none: against the true torques where there are any."""
-    names = []
-    for torque in TORQUES:
-        scores = [f"vaf_{torque}_{against}" for against in ("true", "measured")]
-        names += [name for name in scores if name in columns][:1]
-    return names + [f"{name}_error" for name in ("K", "G") if name in columns]
+    against = "true" if "vaf_net_true" in columns else "measured"
+    names = [*(f"vaf_{torque}_{against}" for torque in TORQUES), "K_error", "G_error"]
+    return [name for name in names if name.removesuffix("_error") in columns]
 
 
 def label_parameter(name: str, labels: Labels) -> str:
@@ -169,6 +164,6 @@ def label_parameter(name: str, labels: Labels) -> str:
     words = field.replace("_", " ")
     if method:
         words += f" of {labels.get(method, method)}"
-    options = [entry.options for entry in METHODS.values() if field in entry.options.model_fields]
-    unit = options[0].unit(field) if options else "1"
-    return f"{words} [{unit}]"
+    kinds = [entry.options for entry in METHODS.values()]
+    units = (options.unit(field) for options in kinds if field in options.model_fields)
+    return f"{words} [{next(units, '1')}]"
