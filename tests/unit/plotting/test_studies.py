@@ -147,20 +147,3 @@ def test_what_lies_above_a_level_has_panels_of_its_own(results):
         line.get_ydata().tolist() for line in last
     ]
     assert figure.data["quantity"].unique().tolist() == ["VAF above 90", "VAF"]
-
-
-def test_the_table_of_a_figure_has_what_its_lines_have(results):
-    figure = curves_figure(
-        average(results),
-        {"K": Panel("K [N·m/rad]"), "B": Panel("B [N·m·s/rad]")},
-        xlabel="gain [1]",
-    )
-    assert figure.data["unit"].unique().tolist() == ["N·m/rad", "N·m·s/rad"]
-    for axis, quantity in zip(figure.axes, ("K", "B"), strict=True):
-        for line, band in zip(axis.get_lines(), axis.collections, strict=True):
-            rows = figure.data[
-                (figure.data["quantity"] == quantity) & (figure.data["series"] == line.get_label())
-            ]
-            np.testing.assert_array_equal(line.get_xydata(), rows[["x", "value"]])
-            edges = band.get_paths()[0].vertices
-            assert {*rows["low"], *rows["high"]} <= set(edges[:, 1])

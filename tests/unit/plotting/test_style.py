@@ -2,28 +2,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ankleloop.plotting.panels import finish, panel_grid
-from ankleloop.plotting.style import REFERENCE_LINE, DataFigure, save_figure
-
-
-def entries(figure):
-    """Entries of all rows of the legend."""
-    return [[text.get_text() for text in legend.get_texts()] for legend in figure.legends]
-
-
-def test_legend_has_each_label_once_and_marks_at_its_end():
-    figure = panel_grid(2, 2, 40.0)
-    for axis in figure.axes:
-        axis.axhline(0.0, **REFERENCE_LINE, label="true value")
-        axis.plot([0, 1], [0, 1], label="estimate")
-        axis.plot([0, 1], [1, 0])  # without a label
-    finish(figure)
-    assert entries(figure) == [["estimate", "true value"]]
-
-
-def test_a_figure_has_no_more_panels_than_are_asked_for():
-    for count in (1, 3, 4, 6):
-        assert len(panel_grid(count, 3, 40.0).axes) == count
+from ankleloop.plotting.style import DataFigure, save_figure
 
 
 def test_equal_figures_give_equal_bytes(tmp_path):

@@ -66,12 +66,6 @@ def test_torques_have_no_mean_and_are_those_of_the_trial(identified):
     np.testing.assert_allclose(
         torques.true["net"], torques.true["intrinsic"] + torques.true["reflex"], atol=1e-12
     )
-    assert (
-        centre_torques(
-            prepare(trial.drop_vars(["torque_intrinsic", "torque_reflex"])), estimate
-        ).true
-        == {}
-    )
 
 
 def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over_the_true_ones(
