@@ -167,7 +167,9 @@ def estimates_figure(
     figure = panel_grid(len(panels), PANEL_COLUMNS, height, sharex=same_axes, sharey=True)
     for axis, (name, panel) in zip(figure.axes, panels.items(), strict=True):
         bottom = len(conditions) - 0.5
-        axis.set(xlabel=panel.label, xlim=panel.limits, ylim=(bottom, -0.5), title=panel.title)
+        axis.set(xlabel=panel.label, ylim=(bottom, -0.5), title=panel.title)
+        if panel.limits:
+            axis.set_xlim(panel.limits)
         axis.set_yticks(range(len(conditions)), conditions)
         for label, part in rows[rows["panel"] == name].groupby("series", sort=False):
             _draw_symbols(axis, part, styles[str(label)], panel.limits or (-np.inf, np.inf))

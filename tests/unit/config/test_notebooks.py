@@ -53,7 +53,7 @@ TIME_VARYING = {
     [
         ({"notebook": "design"}, {"reflex_threshold": 0.1}, f"design needs {STILL}"),
         ({"notebook": "design"}, {"movement": 0.1}, f"design needs {STILL}"),
-        ({"notebook": "design"}, {"switching_interval": 0.2}, "needs a point with the usual"),
+        ({"notebook": "design"}, {"switching_interval": 0.2}, "needs one point with the usual"),
         (TIME_VARYING, {"reflex_threshold": 0.1}, f"time-varying needs {MOVING}"),
         (TIME_VARYING, {"snr_db": None}, f"time-varying needs {MOVING}"),
     ],
