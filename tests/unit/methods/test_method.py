@@ -13,7 +13,12 @@ from ankleloop.methods.registry import find_method, method_options
 from ankleloop.methods.selection import select_options
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.recommendation import recommend
-from ankleloop.recordings.validity import describe_validity, reason_against, usual_methods
+from ankleloop.recordings.validity import (
+    describe_validity,
+    reason_against,
+    usual_methods,
+    valid_methods,
+)
 
 
 def identify_stiffness(trial, options):
@@ -65,7 +70,7 @@ def test_a_method_of_unknown_validity_is_analysed_in_open_loop_only(open_loop):
         reason_against(METHOD, {}, "closed", *state)
         == "it is not known to be valid in closed loop, and the loop is closed"
     )
-    assert "stiffness" not in describe_validity("open", *state)
+    assert "stiffness" not in describe_validity(valid_methods("open", *state), "open", *state)
     pulses = simulate(
         seed=1, duration=40.0, closed_loop=False, perturbation="pulses", switching_interval=0.2
     )
