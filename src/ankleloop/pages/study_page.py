@@ -59,8 +59,12 @@ class StudyPage(SimpleNamespace):
 
     @property
     def typical(self) -> str:
-        """Point that figures of single trials show."""
-        return typical_point(self.points, self.varied)
+        """Point that figures of single trials show: one of those where that trial was identified, if there are any."""
+        details = self.details
+        is_shown = (details["trial"] == self.figure["trial"]) & details["failure"].isna()
+        names = set(details.loc[is_shown, "point"])
+        points = {name: values for name, values in self.points.items() if name in names}
+        return typical_point(points or self.points, self.varied)
 
     def load_estimates(self, point: str) -> Estimates:
         """Estimates at a point, by method and trial."""
