@@ -71,7 +71,7 @@ def read_accepted(points, methods, **settings):
             accepted[name] = read_run(config, [])[1]["s"]
         except ConfigError as error:
             reasons = [
-                "s → points → basis=chebyshev → ",  # which some methods do not have
+                "s → points → basis=chebyshev",  # which some methods do not have
                 f"s → notebook: {name} needs ",
                 "s → sweep: no setting and no option differs",
             ]

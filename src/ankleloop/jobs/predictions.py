@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from ankleloop.assessment.cramer_rao import cramer_rao, trajectory_bound
 from ankleloop.assessment.scores import TRAJECTORY_TRUTHS
-from ankleloop.errors import DataError, locate_errors
+from ankleloop.errors import NUMERICAL_ERRORS, locate_errors
 from ankleloop.experiments.duration import plan_duration
 from ankleloop.methods.registry import identify
 from ankleloop.simulation.simulate import simulate
@@ -30,17 +30,13 @@ KEYS = ["point", "kind", "seed"]
 
 
 def bound_trajectories(seed: int, **settings: Any) -> dict[str, float]:
-    """Cramér-Rao bound of K, B and G that vary: none for steps, which splines do not follow, nor for a short record.
+    """Cramér-Rao bound of K, B and G that vary: none for steps, which splines do not follow.
 
     K is the root mean square over all places, K_mean that of the mean over them, K_truth the mean of the truth.
     """
     if settings["variation_shape"] == "square":
         return {}
-    try:
-        bound = trajectory_bound(seed=seed, **settings)
-    except DataError as error:  # riv-tv fails there with the same reason
-        log.warning("no bound: %s", error)
-        return {}
+    bound = trajectory_bound(seed=seed, **settings)
     dimension = str(next(iter(bound.sizes)))
     truths = profile_trajectories(settings, dimension, bound[dimension].values)
     values = {}
@@ -78,15 +74,24 @@ def predict(
 ) -> None:
     """Write the predictions for all points: a row for each point, kind and seed; numbers are columns.
 
+    A point that cannot be simulated, or whose record is too short, has a row without numbers.
+
     `points` are settings of the simulation, `draws` numbers of seeds by kind.
     """
     rows = []
     for (point, values), (kind, count) in product(points.items(), draws.items()):
         for seed in range(count):
-            with locate_errors(f"study {study}, point {point}, {kind}, seed {seed}"):
-                prediction = PREDICTIONS[kind](seed=seed, **values)
+            key = {"point": point, "kind": kind, "seed": seed}
+            place = f"study {study}, point {point}, {kind}, seed {seed}"
+            try:
+                with locate_errors(place):
+                    prediction = PREDICTIONS[kind](seed=seed, **values)
+            except NUMERICAL_ERRORS as error:  # as trials of the point fail, with the same reason
+                log.warning("%s: there is none: %s", place, error)
+                rows.append(key)
+                continue
             if prediction:
-                rows.append({"point": point, "kind": kind, "seed": seed, **prediction})
+                rows.append(key | prediction)
                 log.info("%s: %s, seed %d", point, kind, seed)
     table = pd.DataFrame(rows, columns=None if rows else KEYS)
     save_table(pa.Table.from_pandas(table, preserve_index=False), path)
