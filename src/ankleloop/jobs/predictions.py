@@ -81,7 +81,7 @@ def predict(
     rows = []
     for (point, values), (kind, count) in product(points.items(), draws.items()):
         for seed in range(count):
-            key = {"point": point, "kind": kind, "seed": seed}
+            key: dict[str, Any] = {"point": point, "kind": kind, "seed": seed}
             place = f"study {study}, point {point}, {kind}, seed {seed}"
             try:
                 with locate_errors(place):
@@ -91,7 +91,7 @@ def predict(
                 rows.append(key)
                 continue
             if prediction:
-                rows.append(key | prediction)
+                rows.append({**key, **prediction})
                 log.info("%s: %s, seed %d", point, kind, seed)
     table = pd.DataFrame(rows, columns=None if rows else KEYS)
     save_table(pa.Table.from_pandas(table, preserve_index=False), path)
