@@ -12,6 +12,7 @@ from ankleloop.config.checking import check
 from ankleloop.config.points import SIMULATION
 from ankleloop.config.study import SimulatedStudy, Study
 from ankleloop.options import Options, option
+from ankleloop.quantities import SETTINGS
 from ankleloop.trials.files import PathLike
 
 # Of the repository in which the library lies; an installed library has none.
@@ -42,7 +43,7 @@ Need = Literal[
     "usual perturbation",
 ]
 Prediction = Literal["known delay", "unknown delay", "reference alone", "trajectories", "pilots"]
-TRUTHS = {"stiffness", "viscosity", "inertia", "reflex_gain"}
+TRUTHS = {SETTINGS[name] for name in ("K", "B", "I", "G")}
 # Settings of a perturbation; points that differ in nothing else are compared with the usual one.
 PERTURBATION = (
     "perturbation",
