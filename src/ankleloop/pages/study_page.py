@@ -57,7 +57,7 @@ class StudyPage(SimpleNamespace):
         """Style of each label."""
         return label_styles(self.labels, self.algorithms)
 
-    @property
+    @cached_property
     def typical(self) -> str:
         """Point that figures of single trials show: one of those where that trial was identified, if there are any."""
         details = self.details
