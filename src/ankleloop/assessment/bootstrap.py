@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from scipy.signal import resample_poly
 
-from ankleloop.assessment.scores import score_torques
+from ankleloop.assessment.scores import Trials, score_torques
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.prepared import PreparedTrial, prepare, prepare_trials, sample_channel
+from ankleloop.joint.regressors import split_torques
 from ankleloop.methods.method import Method
 from ankleloop.methods.registry import identify
 from ankleloop.options import check_integer, check_number
@@ -88,7 +89,7 @@ class Bootstrap:
 
 
 def block_bootstrap(
-    trial: xr.Dataset | PreparedTrial,
+    trial: Trials,
     method: str | Method = "riv",
     *,
     repetitions: int = 200,
@@ -105,8 +106,8 @@ def block_bootstrap(
 
     Parameters
     ----------
-    trial : xarray.Dataset or PreparedTrial
-        The trial.
+    trial : xarray.Dataset or PreparedTrial, or list of those
+        The trial, or trials that are merged: the blocks of each are drawn from its own residual.
     method : str or Method
         One of `METHODS`, or another one that `ankleloop.identify` takes, that gives a net torque.
     repetitions : int
@@ -125,8 +126,8 @@ def block_bootstrap(
     Raises
     ------
     DataError
-        If the trial is unusable or less than ten blocks long, or if more than a tenth of the repetitions fail: the
-        rest would be a selection of records that suit the method.
+        If a trial is unusable, if all together are less than ten blocks long or one is shorter than a block, or if
+        more than a tenth of the repetitions fail: the rest would be a selection of records that suit the method.
     ValueError
         For an argument of another type or out of its range: 2 to 100 000 repetitions, a block of 0.001 s or more.
 
@@ -146,28 +147,30 @@ def block_bootstrap(
     repetitions = check_integer("block_bootstrap", "repetitions", repetitions, ge=2, le=100_000)
     block = check_number("block_bootstrap", "block", block, "s", ge=0.001, le=1e6)
     seed = check_integer("block_bootstrap", "seed", seed, ge=0)
-    original = prepare(trial)
-    estimate = identify(original, method, **options)
-    time = estimate.torque["time"].values
+    originals = prepare_trials(trial)
+    is_list = isinstance(trial, (list, tuple))
+    estimate = identify(originals if is_list else originals[0], method, **options)
     rate = estimate.torque.attrs["identification_rate"]
-    residual = original.channel_at("torque", time, rate) - estimate.torque["net"].values
-    residual -= residual.mean()
+    residuals = _find_residuals(originals, estimate)
     length = max(1, round(block * rate))
-    if residual.size < 10 * length:
+    sizes = [residual.size for residual in residuals]
+    if sum(sizes) < 10 * length or min(sizes) < length:
         raise DataError(
-            f"the estimate covers {residual.size / rate:.3g} s, less than ten blocks of {block:g} s: take shorter ones."
+            f"the estimate covers {sum(sizes) / rate:.3g} s, the shortest trial {min(sizes) / rate:.3g} s: less than "
+            f"ten blocks of {block:g} s, or one. Take shorter blocks."
         )
     rng = np.random.default_rng(seed)
     rows: list[dict[str, float]] = []
     reason = "a parameter could not be estimated."
     for _ in range(repetitions):
-        change = _draw_blocks(residual, length, rng) - residual
-        resampled = _change_torque(original, time, rate, change)
+        changes = [_draw_blocks(residual, length, rng) - residual for residual in residuals]
+        resampled = _change_torques(originals, estimate, changes)
         try:
-            rows.append(_sample_row(resampled, identify(resampled, method, **options)))
+            repetition = identify(resampled if is_list else resampled[0], method, **options)
+            rows.append(_sample_row(resampled, repetition))
         except NUMERICAL_ERRORS as error:
             reason = str(error)
-    samples = pd.DataFrame(rows, columns=list(_sample_row(original, estimate)), dtype=float)
+    samples = pd.DataFrame(rows, columns=list(_sample_row(originals, estimate)), dtype=float)
     samples = samples.replace([np.inf, -np.inf], np.nan).dropna(ignore_index=True)
     failed = repetitions - len(samples)
     if len(samples) < max(2.0, LEAST_IDENTIFIED * repetitions):
@@ -190,22 +193,37 @@ def _draw_blocks(residual: np.ndarray, length: int, rng: np.random.Generator) ->
     return blocks - blocks.mean()
 
 
-def _change_torque(
-    trial: PreparedTrial, time: np.ndarray, rate: float, change: np.ndarray
-) -> PreparedTrial:
-    """The trial with a change of its torque, which is given at the identification rate."""
-    dataset = trial.trial
-    first = round((time[0] - trial.time[0]) * trial.rate)
-    recorded = resample_poly(change, decimation_factor(trial.rate, rate), 1)
-    torque = dataset["torque"].copy(deep=True)
-    changed = torque.values[first : first + recorded.size]
-    changed += recorded[: changed.size]
-    truths = [name for name in dataset.data_vars if str(name).startswith("torque")]
-    return prepare(dataset.drop_vars(truths).assign(torque=torque))
+def _find_residuals(trials: Sequence[PreparedTrial], estimate: Estimate) -> list[np.ndarray]:
+    """What an estimate leaves of the torque of each trial, less its mean."""
+    measured = sample_channel(trials, "torque", estimate.torque)
+    residuals = []
+    for torque, part in zip(measured, split_torques(estimate.torque), strict=True):
+        residual = torque - part["net"].values
+        residuals.append(residual - residual.mean())
+    return residuals
 
 
-def _sample_row(trial: PreparedTrial, estimate: Estimate) -> dict[str, float]:
+def _change_torques(
+    trials: Sequence[PreparedTrial], estimate: Estimate, changes: Sequence[np.ndarray]
+) -> list[PreparedTrial]:
+    """Trials with a change of their torque, which is given at the samples of an estimate."""
+    rate = estimate.torque.attrs["identification_rate"]
+    changed = []
+    for trial, part, change in zip(trials, split_torques(estimate.torque), changes, strict=True):
+        dataset = trial.trial
+        start = float(part["time"][0])
+        first = round((start - trial.time[0]) * trial.rate)
+        recorded = resample_poly(change, decimation_factor(trial.rate, rate), 1)
+        torque = dataset["torque"].copy(deep=True)
+        values = torque.values[first : first + recorded.size]
+        values += recorded[: values.size]
+        truths = [name for name in dataset.data_vars if str(name).startswith("torque")]
+        changed.append(prepare(dataset.drop_vars(truths).assign(torque=torque)))
+    return changed
+
+
+def _sample_row(trials: Sequence[PreparedTrial], estimate: Estimate) -> dict[str, float]:
     """Parameters and VAFs of a repetition."""
-    scores = score_torques(trial, estimate, "measured", intervals=False)
+    scores = score_torques(trials, estimate, "measured", intervals=False)
     vafs = {f"vaf_{torque}": vaf for torque, _, vaf in scores}
     return {**estimate.stiffness, **estimate.reflex, **vafs}

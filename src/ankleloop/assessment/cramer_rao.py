@@ -386,12 +386,12 @@ def trajectory_information(
         knots=knots,
         **COURSES[str(settings.variation)],
     )
-    equations = TimeVaryingEquations(clean, options)
+    equations = TimeVaryingEquations([clean], options)
     bases = equations.bases
     rows = equations.course.rows
     linear = np.zeros(bases.size)  # without an inertia, of which nothing else depends
     for name, truth in TRAJECTORY_TRUTHS.items():
-        values = clean.channel(truth, equations.grid)[rows]
+        values = clean.channel(truth, equations.grids[0])[rows]
         splines = bases.values[name][:, rows].T
         linear[bases.blocks[name]] = np.linalg.lstsq(splines, values, rcond=1e-12)[0]
     dynamics = ReflexDynamics(settings.omega_n, settings.zeta, settings.pole)

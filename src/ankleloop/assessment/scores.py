@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import permutations
 from typing import Any, Literal
 
@@ -12,12 +12,14 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
-from ankleloop.joint.estimate import TRIM, Estimate
-from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import TORQUES
+from ankleloop.joint.estimate import TRIM, Estimate, join_centred, scored_samples
+from ankleloop.joint.prepared import PreparedTrial, prepare, prepare_trials, sample_channel
+from ankleloop.joint.regressors import TORQUES, split_torques
 from ankleloop.joint.time_varying_course import ENDS
 from ankleloop.options import check_choice, check_flag, check_number, show_value
 from ankleloop.signals.vaf import vaf, vaf_with_interval
+
+Trials = xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial]
 
 CORRELATION_TIME = 1.0  # s: over this the squares of torques may be correlated
 ROW_DIAGNOSTICS = (
@@ -40,7 +42,7 @@ JUMP_SHARE = 0.5  # of the range of a trajectory: it jumps if so much lies betwe
 
 
 def evaluate(
-    trial: xr.Dataset | PreparedTrial,
+    trial: Trials,
     estimate: Estimate,
     *,
     trim: float = TRIM,
@@ -52,12 +54,12 @@ def evaluate(
     The trial's torques are decimated exactly as the data of the estimate were. Net torque is scored against the
     measured torque and, in a simulation, against the true intrinsic plus reflex torque; the two parts against their
     truths. Without truths, or if they are to be ignored, every row is against the measured torque: the parts are then
-    contributions, which do not add up.
+    contributions, which do not add up. Of merged trials the samples of all count together, each trial less its mean.
 
     Parameters
     ----------
-    trial : xarray.Dataset or PreparedTrial
-        The trial that was identified.
+    trial : xarray.Dataset or PreparedTrial, or list of those
+        The trial that was identified, or all that were merged.
     estimate : Estimate
         The estimate.
     trim : float
@@ -90,7 +92,8 @@ def evaluate(
     """
     check_choice("evaluate", "against", against, ("measured", None))
     check_flag("evaluate", "intervals", intervals)
-    rows = score_torques(prepare(trial), estimate, against, trim=trim, intervals=intervals)
+    trials = prepare_trials(trial)
+    rows = score_torques(trials, estimate, against, trim=trim, intervals=intervals)
     columns = ["torque", "against", "vaf"]
     if intervals:
         columns += ["low", "high"]
@@ -98,7 +101,7 @@ def evaluate(
 
 
 def score_torques(
-    prepared: PreparedTrial,
+    trials: Sequence[PreparedTrial],
     estimate: Estimate,
     against: str | None,
     *,
@@ -106,71 +109,89 @@ def score_torques(
     intervals: bool = True,
 ) -> Iterator[tuple[Any, ...]]:
     """Rows of `evaluate`; a table of each trial would take most of the time."""
-    inside, time, rate = _scored_samples(estimate, trim)
-    recorded = prepared.time
-    tolerance = 0.5 / prepared.rate
-    # Of another trial, or of more of it.
-    if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:
-        raise DataError(
-            f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
-            "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
-        )
-    measured = prepared.channel_at("torque", time, rate)
-    targets = [(torque, "measured", measured) for torque in TORQUES]
-    if against is None and {"torque_intrinsic", "torque_reflex"} <= set(prepared.trial.data_vars):
-        truths = {name: prepared.channel_at(f"torque_{name}", time, rate) for name in TORQUES[1:]}
+    samples = _find_samples(estimate, trim)
+    _refuse_other_trials(trials, estimate)
+    torque = estimate.torque
+    measured = _sample(trials, "torque", estimate)
+    targets = [(name, "measured", measured) for name in TORQUES]
+    if against is None and all(_has_truths(trial) for trial in trials):
+        truths = {name: _sample(trials, f"torque_{name}", estimate) for name in TORQUES[1:]}
         targets = [targets[0], ("net", "true", truths["intrinsic"] + truths["reflex"])]
         targets += [(name, "true", truth) for name, truth in truths.items() if np.ptp(truth) > 0]
-    lags = round(CORRELATION_TIME * rate)
-    for torque, kind, signal in targets:
-        target = signal[inside]
-        estimated = estimate.torque.variables[torque].values[inside]
+    lags = round(CORRELATION_TIME * torque.attrs["identification_rate"])
+    for name, kind, signal in targets:
+        target = join_centred(signal, samples)
+        estimated = join_centred(torque.variables[name].values, samples)
         if intervals:
-            yield torque, kind, *vaf_with_interval(target, estimated, lags)
+            yield name, kind, *vaf_with_interval(target, estimated, lags)
         else:
-            yield torque, kind, vaf(target, estimated)
+            yield name, kind, vaf(target, estimated)
 
 
-def _scored_samples(estimate: Estimate, trim: float) -> tuple[slice, np.ndarray, float]:
-    """The samples of an estimate that are scored, the times of all samples [s] and their rate [Hz]."""
+def _sample(trials: Sequence[PreparedTrial], name: str, estimate: Estimate) -> np.ndarray:
+    """A variable of trials at the samples of an estimate, shape (N,)."""
+    return np.concatenate(sample_channel(trials, name, estimate.torque))
+
+
+def _has_truths(trial: PreparedTrial) -> bool:
+    """Whether a trial has the true torques of a simulation."""
+    return {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars)
+
+
+def _refuse_other_trials(trials: Sequence[PreparedTrial], estimate: Estimate) -> None:
+    """Refuse trials that do not cover the times of an estimate: other trials, or parts of those identified."""
+    for trial, part in zip(trials, split_torques(estimate.torque), strict=False):
+        time = part.variables["time"].values
+        recorded = trial.time
+        tolerance = 0.5 / trial.rate
+        if time[0] < recorded[0] - tolerance or time[-1] > recorded[-1] + tolerance:
+            raise DataError(
+                f"the estimate covers {time[0]:g} to {time[-1]:g} s, the trial {recorded[0]:g} to {recorded[-1]:g} s: "
+                "score it on the trial that was identified, or predict the torques of this one (estimate.predict)."
+            )
+
+
+def _find_samples(estimate: Estimate, trim: float) -> list[slice]:
+    """The samples of an estimate that are scored, of each trial."""
     if not isinstance(estimate, Estimate):
         raise TypeError(
             f"estimate must be an Estimate, as identify returns it, got {show_value(estimate)}."
         )
     trim = check_number("evaluate", "trim", trim, "s", ge=0, le=1e6)
-    time = estimate.torque.variables["time"].values
-    start = np.searchsorted(time, time[0] + trim)
-    stop = np.searchsorted(time, time[-1] - trim, side="right")
-    if stop - start < 2:
+    samples = scored_samples(estimate.torque, trim)
+    if min(part.stop - part.start for part in samples) < 2:
+        time = split_torques(estimate.torque)[0]["time"].values
         raise DataError(
             f"the estimate covers {time[-1] - time[0]:.3g} s; nothing is left after a trim of {trim:g} s."
         )
-    return slice(start, stop), time, estimate.torque.attrs["identification_rate"]
+    return samples
 
 
-def in_band_snr(trial: PreparedTrial, estimate: Estimate) -> float:
+def in_band_snr(trial: Trials, estimate: Estimate) -> float:
     """Signal-to-noise ratio of the torque within the band of the identification; of a trial with noise.
 
     Decimation removes more of the noise than of the torque, so this ratio is above that of the recorded signal.
     """
-    inside, time, rate = _scored_samples(estimate, TRIM)
+    trials = prepare_trials(trial)
+    samples = _find_samples(estimate, TRIM)
     intrinsic, reflex, noise = (
-        trial.channel_at(name, time, rate)[inside] for name in TORQUE_TRUTHS
+        join_centred(_sample(trials, name, estimate), samples) for name in TORQUE_TRUTHS
     )
     ratio = np.var(intrinsic + reflex) / np.var(noise)
     return float(10 * np.log10(ratio))
 
 
-def parameter_row(trial: xr.Dataset | PreparedTrial, estimate: Estimate) -> dict[str, Any]:
-    """Parameters and diagnostics of an estimate as a row of a table."""
-    prepared = prepare(trial)
+def parameter_row(trial: Trials, estimate: Estimate) -> dict[str, Any]:
+    """Parameters and diagnostics of an estimate as a row of a table; true values are those of the first trial."""
+    trials = prepare_trials(trial)
+    prepared = trials[0]
     diagnostics = estimate.diagnostics
     row: dict[str, Any] = _list_parameters(estimate)
     if estimate.intervals and diagnostics.get("intervals"):
         row["intervals"] = diagnostics["intervals"]
     has_truths = set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars)
     if has_truths and np.ptp(prepared.samples["torque_noise"]) > 0:
-        row["in_band_snr_db"] = in_band_snr(prepared, estimate)
+        row["in_band_snr_db"] = in_band_snr(trials, estimate)
     row |= {name: diagnostics[name] for name in ROW_DIAGNOSTICS if name in diagnostics}
     settings = prepared.trial.attrs if "torque_reflex" in prepared.trial else {}
     if {"omega_n", "zeta"} <= set(settings) and "poles" in diagnostics:

@@ -40,7 +40,7 @@ def _check_cycles(position: np.ndarray, course: Course, rate: float) -> Finding:
     ends = dict.fromkeys([f"{durations.min():.3g}", f"{durations.max():.3g}"])
     text = f"{course.segments} whole cycles of {' to '.join(ends)} s can be identified."
     usable = Finding("cycles", "ok", text)
-    starts = course.rows.start + np.flatnonzero(course.since == 0)
+    starts = course.row_numbers[course.since == 0]
     frequency = np.fft.rfftfreq(position.size) * np.median(np.diff(starts))  # per cycle
     movement = position - position.mean()
     power = np.abs(np.fft.rfft(movement * np.hanning(movement.size))) ** 2

@@ -110,7 +110,7 @@ def _identify(
     row: Row = {}
     try:
         estimate = identify(trial, method, **options)
-        for torque, target, *values in score_torques(trial, estimate, against):
+        for torque, target, *values in score_torques([trial], estimate, against):
             names = [f"vaf_{torque}_{target}{end}" for end in ("", *ENDS)]
             row |= zip(names, values, strict=True)
         return estimate, row | parameter_row(trial, estimate)

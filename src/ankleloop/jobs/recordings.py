@@ -82,10 +82,10 @@ def _analyse(
 
     def write(trials: Sequence[xr.Dataset], analysis: Analysis) -> pd.DataFrame:
         log.info("%s: %s\n%s", name, analysis.check.verdict, analysis.check)
-        records = {keys[label]: estimates for label, estimates in analysis.records.items()}
-        files.export_estimates(records, folder / name)
+        estimates = {keys[label]: estimate for label, estimate in analysis.estimates.items()}
+        files.export_estimates(estimates, folder / name)
         figures = draw_figures(trials, analysis, window)
-        for kind, figure in figures.items() if records else ():  # the numbers that they draw
+        for kind, figure in figures.items() if estimates else ():  # the numbers that they draw
             if figure.data is not None:
                 write_csv(figure.data, folder / name / f"figure-{kind}.csv", overwrite=True)
         page = render_recording_page(name, mapping, analysis, figures, index=index)

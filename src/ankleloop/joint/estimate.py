@@ -9,13 +9,15 @@ from html import escape
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.joint.models import Model
-from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import MEASURED, torque_variable
+from ankleloop.joint.prepared import PreparedTrial, prepare_trials, sample_channel
+from ankleloop.joint.regressors import MEASURED, merge_torques, split_torques, torque_variable
+from ankleloop.joint.time_varying_course import Onsets, split_onsets
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.vaf import vaf
 from ankleloop.subspace.matrices import Matrices
@@ -39,7 +41,8 @@ class Estimate:
         Name of the method.
     torque : xarray.Dataset
         `net`, `intrinsic` and `reflex` torque over time [N·m], as deviations from their means, and the `measured`
-        torque at the same times.
+        torque at the same times. Those of merged trials stand one after the other, each over its own time, with the
+        coordinate `trial`, which counts them from 1.
     stiffness : dict
         "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²].
     reflex : dict
@@ -110,9 +113,9 @@ class Estimate:
 
     def predict(
         self,
-        trial: xr.Dataset | PreparedTrial,
+        trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial],
         *,
-        cycle_onsets: str | Sequence[float] | None = None,
+        cycle_onsets: Onsets = None,
     ) -> Estimate:
         """The estimate with the torques that its model gives on another trial, from a state of rest.
 
@@ -120,12 +123,12 @@ class Estimate:
 
         Parameters
         ----------
-        trial : xarray.Dataset or PreparedTrial
+        trial : xarray.Dataset or PreparedTrial, or list of those
             A trial that the fit need not have seen, recorded at any multiple of the identification rate; `evaluate`
-            scores the result on it.
+            scores the result on it. Torques of several trials stand one after the other.
         cycle_onsets : str or sequence of float, optional
             Start of every cycle of this trial [s], or the variable that holds the phase, for a joint that changes with
-            it; by default the variable that was fitted.
+            it; by default the variable that was fitted. Of several trials a sequence for each.
 
         Returns
         -------
@@ -142,9 +145,13 @@ class Estimate:
             raise DataError(
                 f"{self.method} has no fixed model to predict with: identify by another method."
             )
-        prepared = prepare(trial)
-        torque = add_measured(self.predictor.predict(prepared, cycle_onsets), prepared)
-        range_warnings = self.predictor.check_range(prepared)
+        trials = prepare_trials(trial)
+        onsets = split_onsets(cycle_onsets, len(trials))
+        pairs = zip(trials, onsets, strict=True)
+        torques = [self.predictor.predict(part, own) for part, own in pairs]
+        torque = add_measured(merge_torques(torques), trials)
+        warnings = [text for part in trials for text in self.predictor.check_range(part)]
+        range_warnings = list(dict.fromkeys(warnings))
         diagnostics = dict(self.diagnostics)
         # What an earlier prediction, of which this one is made, says about its trial.
         earlier = diagnostics.pop("range_warnings", ())
@@ -157,11 +164,12 @@ class Estimate:
     @property
     def vaf_net(self) -> float | None:
         """VAF of the net torque [%] without the first and the last second; None without a measured torque."""
-        time = self.torque["time"]
-        part = self.torque.sel(time=slice(time[0] + TRIM, time[-1] - TRIM))
-        if MEASURED not in part or part.sizes["time"] < 2:
+        inside = scored_samples(self.torque, TRIM)
+        if MEASURED not in self.torque or not all(rows.stop - rows.start > 1 for rows in inside):
             return None
-        return vaf(part[MEASURED], part["net"])
+        measured = self.torque[MEASURED].values
+        estimated = self.torque["net"].values
+        return vaf(join_centred(measured, inside), join_centred(estimated, inside))
 
     def summary(self) -> pd.DataFrame:
         """The parameters as a table.
@@ -192,13 +200,17 @@ class Estimate:
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("parameter")
 
-    def plot(self, trial: xr.Dataset | PreparedTrial | None = None) -> Figure:
+    def plot(
+        self,
+        trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial] | None = None,
+    ) -> Figure:
         """Plot the torques with the measured one, or the trajectories of a joint that changes.
 
         Parameters
         ----------
-        trial : xarray.Dataset or PreparedTrial, optional
-            The trial. Of a simulated one, the true torques or trajectories are drawn, too.
+        trial : xarray.Dataset or PreparedTrial, or list of those, optional
+            The trial. Of a simulated one, the true torques or trajectories are drawn, too. Of merged trials, the list
+            of all; the torques of the first one are drawn.
 
         Returns
         -------
@@ -266,7 +278,26 @@ class Estimate:
         return lines
 
 
-def add_measured(torque: xr.Dataset, trial: PreparedTrial) -> xr.Dataset:
-    """Estimated torques and, at their times, the measured torque of a trial less its mean."""
-    values = trial.channel_at("torque", torque["time"].values, torque.attrs["identification_rate"])
-    return torque.assign({MEASURED: torque_variable(MEASURED, values - values.mean())})
+def add_measured(torque: xr.Dataset, trials: Sequence[PreparedTrial]) -> xr.Dataset:
+    """Estimated torques and, at their times, the measured torque of each trial less its mean."""
+    channels = sample_channel(trials, "torque", torque)
+    values = np.concatenate([channel - channel.mean() for channel in channels])
+    return torque.assign({MEASURED: torque_variable(MEASURED, values)})
+
+
+def scored_samples(torque: xr.Dataset, trim: float) -> list[slice]:
+    """Samples of torques without some time at either end [s], of each trial."""
+    samples = []
+    start = 0
+    for part in split_torques(torque):
+        time = part.variables["time"].values
+        first = np.searchsorted(time, time[0] + trim)
+        last = np.searchsorted(time, time[-1] - trim, side="right")
+        samples.append(slice(start + int(first), start + int(last)))
+        start += time.size
+    return samples
+
+
+def join_centred(values: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Parts of a signal, each less its mean, one after the other."""
+    return np.concatenate([values[part] - values[part].mean() for part in parts])

@@ -17,7 +17,7 @@ from pyarrow import parquet
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import dump_model, model_dataset, read_model
-from ankleloop.joint.regressors import MEASURED, TORQUES, torque_dataset
+from ankleloop.joint.regressors import MEASURED, TORQUES, number_trials, torque_dataset
 from ankleloop.joint.time_varying_course import read_trajectories
 from ankleloop.options import check_flag, check_path, show_value
 from ankleloop.quantities import QUANTITIES
@@ -167,10 +167,13 @@ def _read_estimate(groups: Mapping[str, Fields]) -> Estimate:
     time = torque.array("time")
     names = [*TORQUES, MEASURED] if MEASURED in torque.values else TORQUES
     torques = {name: torque.array(name, time.size, finite=False) for name in names}
+    dataset = torque_dataset(time, torque.number("identification_rate"), **torques)
+    if "trial" in torque.values:
+        dataset = number_trials(dataset, torque.array("trial", time.size).astype(int))
     trajectories = groups.get("trajectories")
     return Estimate(
         method=groups[""].text("method"),
-        torque=torque_dataset(time, torque.number("identification_rate"), **torques),
+        torque=dataset,
         stiffness=_read_numbers(groups["stiffness"]),
         reflex=_read_numbers(groups["reflex"]),
         intervals=_read_intervals(groups.get("intervals", Fields("", {}))),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from copy import copy
 from dataclasses import is_dataclass
 from functools import wraps
@@ -13,7 +13,13 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES, Basis
-from ankleloop.joint.regressors import Grid, InputStep, Regressors, decimation_grid
+from ankleloop.joint.regressors import (
+    Grid,
+    InputStep,
+    Regressors,
+    decimation_grid,
+    split_torques,
+)
 from ankleloop.signals.decimation import decimate, decimation_factor, differentiate
 from ankleloop.signals.responses import predict_decimated
 from ankleloop.trials.trial import validate
@@ -180,18 +186,61 @@ class PreparedTrial:
 
         Shapes: returns (N, 3 + k), on the samples of the regressors.
         """
-        name, grid = regressors.reference_name, regressors.grid
-        if name is None:
-            raise DataError("instruments are made of the reference, and the trial has none.")
-        if name == "position":  # an open-loop record: the reference explains all of it
-            return regressors.inputs
-        position = predict_decimated(regressors.inputs[:, 0], self.samples[name], grid, self.rate)
-        predicted = copy(self)
-        predicted.samples = self.samples | {"position": position}
+        return _predict_inputs([self], [regressors])[0]
+
+
+def predict_inputs(
+    trials: Sequence[PreparedTrial], records: Sequence[Regressors]
+) -> list[np.ndarray]:
+    """Inputs of trials as they would be without fed-back torque, by one response of the position to the reference.
+
+    A response of each trial's own would follow the noise of a short trial.
+
+    Shapes: returns (N, 3 + k), on the samples of the regressors of each trial.
+    """
+    if len(trials) == 1:
+        return [trials[0].predict_inputs(records[0])]
+    return _predict_inputs(trials, records)
+
+
+def _predict_inputs(
+    trials: Sequence[PreparedTrial], records: Sequence[Regressors]
+) -> list[np.ndarray]:
+    """The same, computed anew."""
+    first = records[0]
+    name = first.reference_name
+    if name is None:
+        raise DataError("instruments are made of the reference, and the trial has none.")
+    if name == "position":  # an open-loop record: the reference explains all of it
+        return [record.inputs for record in records]
+    positions = predict_decimated(
+        [record.inputs[:, 0] for record in records],
+        [trial.samples[name] for trial in trials],
+        [record.grid for record in records],
+        trials[0].rate,
+    )
+    inputs = []
+    for trial, record, position in zip(trials, records, positions, strict=True):
+        predicted = copy(trial)
+        predicted.samples = trial.samples | {"position": position}
         predicted.computed = {}
-        return _make_inputs(
-            predicted, regressors.delay, regressors.basis, grid, regressors.omitted_step
+        inputs.append(
+            _make_inputs(predicted, first.delay, first.basis, record.grid, first.omitted_step)
         )
+    return inputs
+
+
+def make_regressors(
+    trials: Sequence[PreparedTrial], *, basis: str, degree: int, delay: float, **options: Any
+) -> list[Regressors]:
+    """Regressors of each trial, with one basis for all of them."""
+    common: str | Basis = basis
+    if len(trials) > 1:
+        velocity = np.concatenate([trial.velocity(delay) for trial in trials])
+        common = BASES[basis].fit(velocity, degree)
+    return [
+        trial.regressors(basis=common, degree=degree, delay=delay, **options) for trial in trials
+    ]
 
 
 @once
@@ -223,6 +272,29 @@ def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
     ['riv', 'pr-moesp']
     """
     return trial if isinstance(trial, PreparedTrial) else PreparedTrial(trial)
+
+
+def prepare_trials(trial: Any) -> list[PreparedTrial]:
+    """A trial, or each of a list of trials, as a `PreparedTrial`."""
+    parts = trial if isinstance(trial, (list, tuple)) else [trial]
+    return [prepare(part) for part in parts]
+
+
+def sample_channel(
+    trials: Sequence[PreparedTrial], name: str, torque: xr.Dataset
+) -> list[np.ndarray]:
+    """A variable of each trial at the samples of estimated torques, shapes (N,)."""
+    rate = torque.attrs["identification_rate"]
+    parts = split_torques(torque)
+    if len(parts) != len(trials):
+        raise DataError(
+            f"the estimate has the torques of {len(parts)} trials, and {len(trials)} are given: give those that were "
+            "identified, in their order."
+        )
+    return [
+        trial.channel_at(name, part["time"].values, rate)
+        for trial, part in zip(trials, parts, strict=True)
+    ]
 
 
 def _take_differences(trial: PreparedTrial, grid: Grid) -> tuple[np.ndarray, ...]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from math import ceil
 from typing import Literal, NamedTuple
 
@@ -105,6 +107,37 @@ def torque_dataset(time: np.ndarray, rate: float, **torques: np.ndarray) -> xr.D
     variables = {name: torque_variable(name, values) for name, values in torques.items()}
     coordinate = ("time", time, {"units": "s", "long_name": "time"})
     return xr.Dataset(variables, {"time": coordinate}, {"identification_rate": rate})
+
+
+def merge_torques(parts: Sequence[xr.Dataset]) -> xr.Dataset:
+    """Torques of trials one after the other, each over its own time; `trial` counts them from 1.
+
+    Those of a single trial are returned unchanged.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    sizes = [part.sizes["time"] for part in parts]
+    numbers = np.repeat(np.arange(1, len(parts) + 1), sizes)
+    return number_trials(xr.concat(parts, "time", combine_attrs="override"), numbers)
+
+
+def number_trials(torque: xr.Dataset, numbers: np.ndarray) -> xr.Dataset:
+    """Torques with the number of the trial of each sample.
+
+    Shapes: numbers (N,).
+    """
+    return torque.assign_coords(trial=("time", numbers, {"long_name": "number of the trial"}))
+
+
+def split_torques(torque: xr.Dataset) -> list[xr.Dataset]:
+    """Torques of each trial."""
+    if "trial" not in torque.coords:
+        return [torque]
+    numbers = torque["trial"].values
+    edges = np.flatnonzero(np.diff(numbers, prepend=0, append=0))
+    return [
+        torque.isel(time=slice(start, stop)).drop_vars("trial") for start, stop in pairwise(edges)
+    ]
 
 
 def torque_variable(name: str, values: np.ndarray) -> xr.Variable:

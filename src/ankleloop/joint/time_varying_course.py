@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
@@ -16,6 +17,7 @@ from ankleloop.quantities import QUANTITIES
 from ankleloop.trials.group_files import Fields
 
 RECORD_MARGIN = 0.75  # s at either end of a record that responses and filters touch
+END_MARGIN = 0.25  # s at the end of short trials, where only leads and filters reach
 FEWEST_CYCLES = 8
 SEGMENT_LENGTH = 1.0  # s: segments of a record without cycles, which count as independent
 # Share of the samples of a scheduling variable that lie beyond its range, at either end.
@@ -42,19 +44,37 @@ ENDS = {
 }
 
 
+# Start of every cycle [s], the variable that holds the phase, or onsets of each of several trials.
+Onsets = str | Sequence[float] | Sequence[Sequence[float]] | None
+
+
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Place of each decimated sample within what the parameters vary with, and the samples that count."""
+    """Place of each decimated sample within what the parameters vary with, and the samples that count.
+
+    The samples of several trials stand one after the other.
+    """
 
     dimension: str  # "phase", "time" or "schedule"
     place: np.ndarray  # shape (N,): place, from 0 to 1
     # Phase, time from the first sample of the record [s] or scheduling variable at the places 0 and 1.
     limits: tuple[float, float]
-    rows: slice  # samples that count; they are whole segments
+    rows: slice | np.ndarray  # samples that count, or their numbers
     # Shape (rows,): number of the cycle, or of the segment of a record without cycles, of each of them.
     segment: np.ndarray
     # Shape (rows,): samples since the onset of the cycle; of the segment, without cycles.
     since: np.ndarray
+    trials: tuple[Course, ...] = ()  # courses of the trials, where there are several
+
+    @property
+    def parts(self) -> tuple[Course, ...]:
+        """Course of each trial."""
+        return self.trials or (self,)
+
+    @property
+    def row_numbers(self) -> np.ndarray:
+        """Numbers of the samples that count, shape (rows,)."""
+        return np.arange(self.place.size)[self.rows]
 
     @property
     def periodic(self) -> bool:
@@ -64,13 +84,13 @@ class Course:
     @cached_property
     def segments(self) -> int:
         """Number of cycles or segments."""
-        return int(self.segment[-1]) + 1
+        return int(self.segment[-1]) + 1 if self.segment.size else 0
 
     @cached_property
     def equal_cycles(self) -> int:
         """Samples of each cycle where all have the same number and phases, else 0."""
         sizes = np.bincount(self.segment)
-        first_phases = self.place[self.rows][:: sizes[0]]
+        first_phases = self.place[self.rows][self.since == 0]
         same_phases = np.ptp(sizes) == 0 and np.ptp(first_phases) <= SAME_PHASE
         return int(sizes[0]) if self.periodic and same_phases else 0
 
@@ -132,32 +152,122 @@ def _read_onsets(trial: PreparedTrial, onsets: str | Sequence[float]) -> np.ndar
 
 
 def make_course(
-    trial: PreparedTrial, grid: Grid, onsets: str | Sequence[float] | None, schedule: str | None
+    trials: Sequence[PreparedTrial],
+    grids: Sequence[Grid],
+    onsets: Onsets,
+    schedule: str | None,
 ) -> Course:
-    """Course of a trial: over cycles if their onsets are known, over a scheduling variable, or over time."""
+    """Course of trials: over cycles if their onsets are known, over a scheduling variable, or over time in a trial."""
+    each = split_onsets(onsets, len(trials))
     if onsets is not None:
-        return _follow_cycles(trial, grid, find_onsets(trial, onsets))
-    values = course_values(trial, grid, schedule)
-    rate = trial.rate / grid.factor
+        courses = [
+            _follow_cycles(trial, grid, find_onsets(trial, own))
+            for trial, grid, own in zip(trials, grids, each, strict=True)
+        ]
+    else:
+        courses = _follow_variable(trials, grids, schedule)
+    course = _merge_courses(courses)
+    if course.segments < FEWEST_CYCLES:
+        raise DataError(_describe_short(trials, course, each))
+    return course
+
+
+def split_onsets(onsets: Onsets, count: int) -> list[Any]:
+    """Onsets of each of several trials: those of all are the same, unless there is a sequence for each."""
+    is_sequence = onsets is not None and not isinstance(onsets, str)
+    if not is_sequence or not any(map(np.ndim, cast(Any, onsets))):
+        return [onsets] * count
+    each = list(cast(Any, onsets))
+    if len(each) != count:
+        raise DataError(
+            f"there are onsets of cycles for {len(each)} trials, and {count} trials: give a sequence of onsets for "
+            "each trial."
+        )
+    return each
+
+
+def _describe_short(trials: Sequence[PreparedTrial], course: Course, onsets: Sequence[Any]) -> str:
+    """Why trials have too few cycles or segments."""
+    if not course.periodic:
+        least = FEWEST_CYCLES * SEGMENT_LENGTH + 2 * RECORD_MARGIN
+        return f"the record is too short: riv-tv without cycles needs {least:g} s."
+    first = find_onsets(trials[0], onsets[0])
+    return (
+        f"too few whole cycles lie more than {RECORD_MARGIN:g} s within the record: {course.segments} with "
+        f"onsets from {first[0]:g} to {first[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles."
+    )
+
+
+def _follow_variable(
+    trials: Sequence[PreparedTrial], grids: Sequence[Grid], schedule: str | None
+) -> list[Course]:
+    """Courses of trials over a scheduling variable, or over time, with common limits."""
+    pairs = list(zip(trials, grids, strict=True))
+    values = [course_values(trial, grid, schedule) for trial, grid in pairs]
+    rate = trials[0].rate / grids[0].factor
+    rows = [_count_segments(part.size, rate, merged=len(trials) > 1) for part in values]
+    limits = []
+    for (trial, grid), part, (samples, _) in zip(pairs, values, rows, strict=True):
+        if schedule is None:
+            limits.append((part[samples][0], part[samples][-1]))
+        else:
+            limits.append(_schedule_limits(trial, grid, schedule, samples))
+    low = min(first for first, _ in limits)
+    high = max(last for _, last in limits)
+    courses = []
+    for part, (samples, segment) in zip(values, rows, strict=True):
+        courses.append(
+            Course(
+                dimension="time" if schedule is None else "schedule",
+                place=np.clip((part - low) / (high - low), 0.0, 1.0),
+                limits=(low, high),
+                rows=samples,
+                segment=segment,
+                since=np.arange(segment.size) - np.searchsorted(segment, segment),
+            )
+        )
+    return courses
+
+
+def _count_segments(size: int, rate: float, *, merged: bool) -> tuple[slice, np.ndarray]:
+    """Samples of a record that count, and the number of the segment of each of them.
+
+    They are whole segments; of merged trials, which may be as short as a movement, the last one is longer.
+    """
     length = round(SEGMENT_LENGTH * rate)
     margin = round(RECORD_MARGIN * rate)
-    segments = (values.size - 2 * margin) // length
-    if segments < FEWEST_CYCLES:
-        least = FEWEST_CYCLES * SEGMENT_LENGTH + 2 * RECORD_MARGIN
-        raise DataError(f"the record is too short: riv-tv without cycles needs {least:g} s.")
-    number = np.arange(segments * length)
-    rows = slice(margin, margin + number.size)
-    if schedule is None:
-        low, high = values[[rows.start, rows.stop - 1]]
-    else:
-        low, high = _schedule_limits(trial, grid, schedule, rows)
+    end_margin = round(END_MARGIN * rate) if merged else margin
+    usable = size - margin - end_margin
+    if usable < length:
+        least = SEGMENT_LENGTH + size / rate - usable / rate
+        raise DataError(
+            f"{size / rate:.3g} s of a record remain beside its filters, and riv-tv needs {least:.3g} s: record longer."
+        )
+    segments = usable // length
+    samples = usable if merged else segments * length
+    number = np.minimum(np.arange(samples) // length, segments - 1)
+    return slice(margin, margin + samples), number
+
+
+def _merge_courses(courses: Sequence[Course]) -> Course:
+    """Courses of trials, one after the other."""
+    first = courses[0]
+    if len(courses) == 1:
+        return first
+    sizes = [course.place.size for course in courses]
+    counts = [course.segments for course in courses]
+    starts = np.cumsum([0, *sizes[:-1]])
+    firsts = np.cumsum([0, *counts[:-1]])
+    rows = [start + part.row_numbers for start, part in zip(starts, courses, strict=True)]
+    segments = [number + part.segment for number, part in zip(firsts, courses, strict=True)]
     return Course(
-        dimension="time" if schedule is None else "schedule",
-        place=np.clip((values - low) / (high - low), 0.0, 1.0),
-        limits=(low, high),
-        rows=rows,
-        segment=number // length,
-        since=number % length,
+        dimension=first.dimension,
+        place=np.concatenate([course.place for course in courses]),
+        limits=first.limits,
+        rows=np.concatenate(rows),
+        segment=np.concatenate(segments),
+        since=np.concatenate([course.since for course in courses]),
+        trials=tuple(courses),
     )
 
 
@@ -171,11 +281,8 @@ def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cour
     first_time = time[0] + RECORD_MARGIN - half
     last_time = time[-1] - RECORD_MARGIN + half
     edges = onsets[(onsets >= first_time) & (onsets <= last_time)]
-    if edges.size - 1 < FEWEST_CYCLES:
-        raise DataError(
-            f"too few whole cycles lie more than {RECORD_MARGIN:g} s within the record: {max(edges.size - 1, 0)} with "
-            f"onsets from {onsets[0]:g} to {onsets[-1]:g} s, and riv-tv needs {FEWEST_CYCLES}. Record more cycles."
-        )
+    if edges.size < 2:
+        edges = np.full(2, first_time)  # no whole cycle
     start, stop = np.searchsorted(time, edges[[0, -1]] - half)
     cycle = np.searchsorted(edges, time[start:stop] + half, side="right") - 1
     return Course(
@@ -209,7 +316,7 @@ def course_values(trial: PreparedTrial, grid: Grid, schedule: str | None) -> np.
 
 
 def _schedule_limits(
-    trial: PreparedTrial, grid: Grid, name: str, rows: slice
+    trial: PreparedTrial, grid: Grid, name: str, rows: slice | np.ndarray
 ) -> tuple[float, float]:
     """Range of most samples of a scheduling variable, which must not hold the perturbation, as the measured angle does.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import Any, Literal, NamedTuple, Self, cast
+from typing import Any, Literal, NamedTuple, Self
 
 import xarray as xr
 from pydantic import model_validator
@@ -14,7 +14,7 @@ from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate, add_measured
-from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 
@@ -129,7 +129,7 @@ class Method:
     options : type of Options
     identify : callable
         ``identify(trial, options)`` gives the estimate of a prepared trial. For a method that merges,
-        ``identify(trials, options)`` gives a list with an estimate for each of several prepared trials.
+        ``identify(trials, options)`` gives that of a sequence of prepared trials, which may be a single one.
     reference : callable, optional
         ``reference(options)`` names the variable whose leads or lags are instruments, or is None if there are none;
         by default the option `reference`.
@@ -143,8 +143,8 @@ class Method:
     Examples
     --------
     >>> from ankleloop import METHODS, simulate
-    >>> METHODS["riv"].merges, METHODS["pr-moesp"].merges
-    (False, True)
+    >>> METHODS["riv"].merges, METHODS["parallel-cascade"].merges
+    (True, False)
     >>> METHODS["pr-moesp"].validity.closed
     {'input_matrices': 'instruments'}
     >>> METHODS["pr-moesp"](simulate(seed=1, duration=20.0), basis="rectifier").method
@@ -159,44 +159,17 @@ class Method:
     validity: Validity = UNKNOWN
     offer: Offer | None = None
 
-    def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Any:
-        """Identify a trial, or a list of trials that are merged: an estimate, or a list with one for each of them."""
+    def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Estimate:
+        """Identify a trial, or a list of trials that are merged into one estimate."""
         chosen = self.options.parse(f"method {self.name!r}", **options)
-        is_list = isinstance(trial, (list, tuple))
-        trials = [prepare(part) for part in cast(Any, trial if is_list else [trial])]
-        if is_list:
+        trials = prepare_trials(trial)
+        if isinstance(trial, (list, tuple)):
             self._check_merged(trials)
         reference = self.reference(chosen)
         data_warnings = check_data(trials, data_use(chosen, reference))
-        assumptions = _list_assumptions(chosen, reference)
-        estimates = (
-            self.identify(trials, chosen) if self.merges else [self.identify(trials[0], chosen)]
-        )
-        complete = [
-            self._complete(estimate, part, assumptions, data_warnings)
-            for part, estimate in zip(trials, estimates, strict=True)
-        ]
-        return complete if is_list else complete[0]
-
-    def _check_merged(self, trials: Sequence[PreparedTrial]) -> None:
-        """Refuse trials that cannot be merged."""
-        if not self.merges:
-            raise DataError(
-                f"{self.name} identifies one trial at a time; only the MOESP family merges trials."
-            )
-        if not trials:
-            raise DataError("there are no trials to merge.")
-        refuse_repeated_trials(trials)
-
-    def _complete(
-        self,
-        estimate: Estimate,
-        trial: PreparedTrial,
-        assumptions: Sequence[str],
-        data_warnings: Sequence[str],
-    ) -> Estimate:
-        """The estimate with this method's name, the measured torque, what was taken for granted, and all warnings."""
+        estimate = self.identify(trials if self.merges else trials[0], chosen)
         diagnostics = dict(estimate.diagnostics)
+        assumptions = _list_assumptions(chosen, reference)
         diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
         faults = _list_faults(estimate)
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
@@ -205,9 +178,26 @@ class Method:
         return replace(
             estimate,
             method=self.name,
-            torque=add_measured(estimate.torque, trial),
+            torque=add_measured(estimate.torque, trials),
             diagnostics=diagnostics,
         )
+
+    def _check_merged(self, trials: Sequence[PreparedTrial]) -> None:
+        """Refuse trials that cannot be merged."""
+        if not self.merges:
+            raise DataError(
+                f"{self.name} identifies one trial at a time: take riv, or a member of the MOESP family, which merge "
+                "trials."
+            )
+        if not trials:
+            raise DataError("there are no trials to merge.")
+        refuse_repeated_trials(trials)
+        for number, trial in enumerate(trials[1:], 2):
+            if trial.rate != trials[0].rate:
+                raise DataError(
+                    f"trial {number} of {len(trials)} has {trial.rate:g} Hz, the first one {trials[0].rate:g} Hz: "
+                    "resample them to one rate before they are merged."
+                )
 
 
 def _list_assumptions(options: Any, reference: str | None) -> list[str]:

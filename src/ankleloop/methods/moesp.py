@@ -12,12 +12,11 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from pydantic import model_validator
 
-from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import DriveSpectra, ReflexPath, separate_path
 from ankleloop.joint.models import ModelInputs, StateSpaceModel, simulate_torques
-from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import MOTION, InputStep, Regressors
+from ankleloop.joint.prepared import PreparedTrial, make_regressors
+from ankleloop.joint.regressors import MOTION, InputStep, Regressors, merge_torques
 from ankleloop.methods.method import (
     POSITION,
     BasisOptions,
@@ -118,7 +117,7 @@ class MoespOptions(KnownDelayOptions, BasisOptions):
 
 def identify_moesp(
     trials: Sequence[PreparedTrial], options: MoespOptions, *, member: str = "pr-moesp"
-) -> list[Estimate]:
+) -> Estimate:
     r"""Separate intrinsic and reflex torque by a member of the MOESP family.
 
     The net torque is the output of one linear model (Eq. 11) whose inputs are position, velocity and acceleration,
@@ -141,8 +140,7 @@ def identify_moesp(
 
     Returns
     -------
-    list of Estimate
-        One for each trial.
+    Estimate
 
     Examples
     --------
@@ -157,26 +155,19 @@ def identify_moesp(
     regressors = _make_regressors(trials, options, reference)
     model = _fit_model(trials, regressors, options, member)
     path = separate_reflex(model, regressors)
-    states = np.atleast_2d(model.initial_state)
-    return [
-        _describe_model(member, options, model, path, part, state)
-        for part, state in zip(regressors, states, strict=True)
-    ]
+    return _describe_model(member, options, model, path, regressors)
 
 
 def _make_regressors(
     trials: Sequence[PreparedTrial], options: MoespOptions, reference: str | None
 ) -> list[Regressors]:
-    """Regressors of each trial, with one basis for all of them."""
+    """Regressors of each trial."""
     inputs = options.model_dump(include=INPUTS)
-    inputs["reference"] = reference
-    inputs["basis"] = options.basis or "chebyshev"
-    if len(trials) > 1:
-        velocity = np.concatenate([trial.velocity(options.delay) for trial in trials])
-        inputs["basis"] = BASES[inputs["basis"]].fit(velocity, options.degree)
     if options.omitted_step in get_args(InputStep):
         inputs["omitted_step"] = options.omitted_step
-    return [trial.regressors(**inputs) for trial in trials]
+    return make_regressors(
+        trials, basis=options.basis or "chebyshev", reference=reference, **inputs
+    )
 
 
 def _fit_model(
@@ -232,35 +223,49 @@ def _describe_model(
     options: MoespOptions,
     model: SubspaceEstimate,
     path: ReflexPath,
-    part: Regressors,
-    state: np.ndarray,
+    regressors: Sequence[Regressors],
 ) -> Estimate:
     """Estimate of a model, with K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
-    if options.omitted_step == "mean-removal":
-        A = model.matrices.A
-        rest_input = model.matrices.B @ part.inputs.mean(axis=0)
-        # Less the state of rest under the mean inputs.
-        state = state - np.linalg.solve(np.eye(len(A)) - A, rest_input)
-    inputs = ModelInputs.of(part)
+    inputs = ModelInputs.of(regressors[0])
     matrices = inputs.label(model.matrices)
-    torque = simulate_torques(model.matrices, state, part)
-    stiffness = dict(zip(STIFFNESS, matrices.D[0, :MOTION].tolist(), strict=True))
+    states = _find_states(model, regressors, options)
+    torques = [
+        simulate_torques(model.matrices, state, part)
+        for part, state in zip(regressors, states, strict=True)
+    ]
+    values = matrices.D[0, :MOTION]
     if options.free_b:
-        stiffness = part.fit_stiffness(torque["intrinsic"].values)
+        pairs = zip(regressors, torques, strict=True)
+        fits = [part.fit_stiffness(torque["intrinsic"].values) for part, torque in pairs]
+        values = np.mean([[*fit.values()] for fit in fits], axis=0)
     return Estimate(
         method=member,
-        torque=torque,
-        stiffness=stiffness,
+        torque=merge_torques(torques),
+        stiffness=dict(zip(STIFFNESS, values.tolist(), strict=True)),
         reflex={"delay": inputs.delay, **path.valid_parameters},
-        diagnostics=_describe_fit(options, model, path, part.reference_name),
-        predictor=StateSpaceModel(inputs, matrices, state),
+        diagnostics=_describe_fit(options, model, path, regressors[0].reference_name),
+        predictor=StateSpaceModel(inputs, matrices, states[0]),
     )
+
+
+def _find_states(
+    model: SubspaceEstimate, regressors: Sequence[Regressors], options: MoespOptions
+) -> np.ndarray:
+    """State at the first sample of each trial, shape (trials, n)."""
+    states = np.atleast_2d(model.initial_state)
+    if options.omitted_step != "mean-removal":
+        return states
+    A = model.matrices.A
+    mean_inputs = np.array([part.inputs.mean(axis=0) for part in regressors])
+    rest_inputs = model.matrices.B @ mean_inputs.T
+    # Less the state of rest under the mean inputs.
+    return states - np.linalg.solve(np.eye(len(A)) - A, rest_inputs).T
 
 
 def _describe_fit(
     options: MoespOptions, model: SubspaceEstimate, path: ReflexPath, reference: str | None
 ) -> dict[str, Any]:
-    """Diagnostics of a model, which all merged trials have alike."""
+    """Diagnostics of a model."""
     diagnostics = {"singular_values": model.singular_values, **model.diagnostics}
     diagnostics |= path.diagnostics
     if path.basis.caution:

@@ -8,7 +8,8 @@ from functools import cache
 from typing import Any, cast
 
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import prepare
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.prepared import prepare_trials
 from ankleloop.methods import moesp, parallel_cascade, real_time
 from ankleloop.methods.entry_points import GROUP, find_entry_points, name_package
 from ankleloop.methods.method import POSITION, Method, Trial
@@ -93,14 +94,15 @@ def identify(
     select: Mapping[str, Sequence[Any]] | None = None,
     criterion: str | None = None,
     **options: Any,
-) -> Any:
+) -> Estimate:
     """Separate the torque of a joint into its intrinsic and reflex parts.
 
     Parameters
     ----------
     trial : xarray.Dataset, or list of those
-        A trial from `new_trial`, `read_trial` or `simulate`. The MOESP family merges several short ones into one
-        identification. A trial that several methods take can be prepared once by `ankleloop.joint.prepared.prepare`.
+        A trial from `new_trial`, `read_trial` or `simulate`. The methods riv and riv-tv and the MOESP family merge
+        several trials of one condition into one estimate. A trial that several methods take can be prepared once by
+        `ankleloop.joint.prepared.prepare`.
     method : str or Method, optional
         By default "riv", which torque that is fed back does not bias, where the trial has a `reference`. One of
         `METHODS`: "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp" (see
@@ -122,7 +124,7 @@ def identify(
     Returns
     -------
     Estimate
-        Torques, model, K, B, I, reflex parameters and diagnostics; a list of them, with one model, for merged trials.
+        Torques, model, K, B, I, reflex parameters and diagnostics.
 
     Raises
     ------
@@ -141,11 +143,7 @@ def identify(
     ['B', 'I', 'K']
     """
     is_list = isinstance(trial, (list, tuple))
-    if method is None and is_list:
-        raise DataError(
-            "name the method for trials that are merged: one of the MOESP family, such as pr-moesp."
-        )
-    if method is None and "reference" not in prepare(cast(Trial, trial)).trial:
+    if method is None and any("reference" not in part.trial for part in prepare_trials(trial)):
         raise DataError(_describe_no_default())
     entry = find_method(DEFAULT if method is None else method)
     if select is None and criterion is None:

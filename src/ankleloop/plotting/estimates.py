@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ankleloop.assessment.scores import evaluate, true_trajectories
+from ankleloop.assessment.scores import Trials, evaluate, true_trajectories
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import prepare
+from ankleloop.joint.prepared import prepare_trials
 from ankleloop.joint.regressors import MEASURED as MEASURED_TORQUE
-from ankleloop.joint.regressors import TORQUES
+from ankleloop.joint.regressors import TORQUES, split_torques
 from ankleloop.plotting.panels import PANEL_COLUMNS, Panel, Styles, curve, draw_panels, finish
 from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, estimate_styles
 from ankleloop.quantities import QUANTITIES
@@ -52,8 +52,9 @@ class CentredTorques:
 
 
 def centre_torques(trial: PreparedTrial | None, estimate: Estimate) -> CentredTorques:
-    """Measured, true and estimated torques at the samples of an estimate, each less its mean."""
-    time = estimate.torque["time"].values
+    """Measured, true and estimated torques at the samples of an estimate, each less its mean; of its first trial."""
+    torques = split_torques(estimate.torque)[0]
+    time = torques["time"].values
     rate = estimate.torque.attrs["identification_rate"]
     true: dict[str, np.ndarray] = {}
     if trial is not None:
@@ -62,13 +63,13 @@ def centre_torques(trial: PreparedTrial | None, estimate: Estimate) -> CentredTo
             intrinsic = _centre(trial.channel_at("torque_intrinsic", time, rate))
             reflex = _centre(trial.channel_at("torque_reflex", time, rate))
             true = {"net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
-    elif MEASURED_TORQUE in estimate.torque:
-        measured = estimate.torque[MEASURED_TORQUE].values
+    elif MEASURED_TORQUE in torques:
+        measured = torques[MEASURED_TORQUE].values
     else:
         raise DataError(
             "the estimate holds no measured torque: give the trial, estimate.plot(trial)."
         )
-    estimated = {torque: _centre(estimate.torque[torque].values) for torque in TORQUES}
+    estimated = {torque: _centre(torques[torque].values) for torque in TORQUES}
     return CentredTorques(time, _centre(measured), true, estimated)
 
 
@@ -76,7 +77,7 @@ def _centre(values: np.ndarray) -> np.ndarray:
     return values - values.mean()
 
 
-def plot_estimate(estimate: Estimate, trial: xr.Dataset | PreparedTrial | None) -> DataFigure:
+def plot_estimate(estimate: Estimate, trial: Trials | None) -> DataFigure:
     """Trajectories of an estimate that has them, else its torques; with the true ones of a simulated trial.
 
     Pyplot knows the figure, so that ``plt.show`` and ``plt.savefig`` find it.
@@ -85,22 +86,25 @@ def plot_estimate(estimate: Estimate, trial: xr.Dataset | PreparedTrial | None) 
 
     estimates = {estimate.method: estimate}
     if estimate.trajectories is None:
-        title = ""
+        parts = []
         if trial is None:
             rate = estimate.torque.attrs["identification_rate"]
-            title = f"measured torque as the estimate holds it: at {rate:g} Hz, less its mean"
-        figure = torque_figure(trial, estimates, title=title)
+            parts = [f"measured torque as the estimate holds it: at {rate:g} Hz, less its mean"]
+        count = len(split_torques(estimate.torque))
+        if count > 1:
+            parts.append(f"trial 1 of {count}; VAF of all trials")
+        figure = torque_figure(trial, estimates, title="; ".join(parts))
     else:
         truths = None
         if trial is not None:
-            truths = true_trajectories(trial, estimate.trajectories)
+            truths = true_trajectories(prepare_trials(trial)[0], estimate.trajectories)
         figure = trajectories_figure(estimates, truths)
     plt.figure(figure)
     return figure
 
 
 def torque_figure(
-    trial: xr.Dataset | PreparedTrial | None,
+    trial: Trials | None,
     estimates: Mapping[str, Estimate],
     *,
     start: float = 10.0,
@@ -116,8 +120,9 @@ def torque_figure(
 
     Parameters
     ----------
-    trial : xarray.Dataset or PreparedTrial, or None
-        The trial; without it the measured torque is that which the estimates hold.
+    trial : xarray.Dataset or PreparedTrial, or list of those, or None
+        The trial; without it the measured torque is that which the estimates hold. Of merged trials the first one is
+        drawn.
     estimates : dict of str to Estimate
         Estimates of it by their label.
     start, length : float
@@ -140,12 +145,12 @@ def torque_figure(
     >>> len(figure.axes)  # net, intrinsic and reflex torque
     3
     """
-    if trial is None:
-        prepared = None
-        time = next(iter(estimates.values())).torque["time"].values
+    trials = [] if trial is None else prepare_trials(trial)
+    if trials:
+        time = trials[0].time
     else:
-        prepared = prepare(trial)
-        time = prepared.samples["time"]
+        first_estimate = next(iter(estimates.values()))
+        time = split_torques(first_estimate.torque)[0]["time"].values
     first, last = find_window(time, start, length)
     styles = styles or estimate_styles(estimates)
     looks = dict(TARGETS)
@@ -154,9 +159,9 @@ def torque_figure(
     for label, estimate in estimates.items():
         estimated = f"{label} (estimated)"
         looks[estimated] = replace(styles[label], more=ESTIMATED)
-        torques = centre_torques(prepared, estimate)
+        torques = centre_torques(trials[0] if trials else None, estimate)
         inside = (torques.time >= first) & (torques.time <= last)
-        scores = _score_torques(prepared, estimate)
+        scores = _score_torques(trials, estimate)
         for torque in TORQUES:
             name = f"{label} {torque}"
             heading = f"{label}\n{torque}" if torque == "net" else torque
@@ -192,11 +197,13 @@ def torque_figure(
     return finish(figure)
 
 
-def _score_torques(trial: PreparedTrial | None, estimate: Estimate) -> Mapping[str, float | None]:
+def _score_torques(
+    trials: Sequence[PreparedTrial], estimate: Estimate
+) -> Mapping[str, float | None]:
     """VAF of each torque, that of the net torque against the measured one [%]."""
-    if trial is None:
+    if not trials:
         return {"net": estimate.vaf_net}
-    return evaluate(trial, estimate).groupby("torque")["vaf"].first().to_dict()
+    return evaluate(trials, estimate).groupby("torque")["vaf"].first().to_dict()
 
 
 def find_window(time: np.ndarray, start: float, length: float) -> tuple[float, float]:

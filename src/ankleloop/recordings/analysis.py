@@ -16,8 +16,8 @@ from ankleloop.assessment.residuals import ResidualTest, residual_test
 from ankleloop.assessment.scores import evaluate, parameter_row
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import TRIM, Estimate
-from ankleloop.joint.prepared import PreparedTrial, prepare
-from ankleloop.joint.regressors import MEASURED, TORQUES
+from ankleloop.joint.prepared import PreparedTrial, prepare, prepare_trials
+from ankleloop.joint.regressors import MEASURED, TORQUES, split_torques
 from ankleloop.methods.method import Method, Trial, Validity
 from ankleloop.methods.registry import find_method, identify
 from ankleloop.methods.riv.alternatives import compute_shifts, format_shifts
@@ -51,9 +51,8 @@ class Analysis:
     """Results of one recording."""
 
     check: Check  # the checks of the recording
-    # By the label of the method the estimates of the whole recording, one for each trial that was merged; none if the
-    # recording was refused.
-    records: dict[str, list[Estimate]] = field(repr=False)
+    # By the label of the method the estimate of the whole recording; none if the recording was refused.
+    estimates: dict[str, Estimate] = field(repr=False)
     # By the label of the method the test of the residual of the longest trial.
     residuals: dict[str, ResidualTest] = field(repr=False)
     # One row for each method: whether it is `valid` here (else the reason in `warnings`), `warnings` of its estimate,
@@ -67,11 +66,6 @@ class Analysis:
     unseen: dict[str, list[xr.Dataset]] = field(default_factory=dict, repr=False)
     # Values of the options that a refusal or the warnings of the methods ask for.
     remedy: dict[str, Any] = field(default_factory=dict, repr=False)
-
-    @property
-    def estimates(self) -> dict[str, Estimate]:
-        """Estimate of the first trial by the label of the method."""
-        return {label: estimates[0] for label, estimates in self.records.items()}
 
 
 def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Specification]) -> Analysis:
@@ -107,8 +101,7 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Specification]
     >>> analysis.table[["label", "valid"]].values.tolist()
     [['riv', True], ['PI-MOESP', False]]
     """
-    parts: Any = trial if isinstance(trial, (list, tuple)) else [trial]
-    trials = [prepare(part) for part in parts]
+    trials = prepare_trials(trial)
     methods = {
         label: {**METHOD_DEFAULTS, **specification, "method": find_method(specification["method"])}
         for label, specification in methods.items()
@@ -134,14 +127,14 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Specification]
         }
         rows.append(row)
         try:
-            estimates, unseen, scores = _fit(trials, check, specification)
-            test = _test_residual(trials, estimates, check.instrumental)
-            assumptions = _list_assumptions(trials, specification, estimates[0])
-            described = _describe_estimate(check, trials[0], estimates[0], test, method.validity)
+            estimate, unseen, scores = _fit(trials, check, specification)
+            test = _test_residual(trials, estimate, check.instrumental)
+            assumptions = _list_assumptions(trials, specification, estimate)
+            described = _describe_estimate(check, trials, estimate, test, method.validity)
             row |= {**scores, **described, "assumptions": assumptions}
-            analysis.records[label] = estimates
+            analysis.estimates[label] = estimate
             analysis.residuals[label] = test
-            analysis.remedy.update(estimates[0].diagnostics.get("remedy", {}))
+            analysis.remedy.update(estimate.diagnostics.get("remedy", {}))
             if unseen:
                 analysis.unseen[label] = unseen
         except NUMERICAL_ERRORS as error:
@@ -178,8 +171,8 @@ def largest_options(methods: Mapping[str, Specification]) -> dict[str, Any]:
 
 def _fit(
     trials: list[PreparedTrial], check: Check, specification: Specification
-) -> tuple[list[Estimate], list[xr.Dataset], dict[str, Any]]:
-    """Estimates of the whole, torques of one half that the fit to the other predicts, and the scores of both."""
+) -> tuple[Estimate, list[xr.Dataset], dict[str, Any]]:
+    """Estimate of the whole, torques of one half that the fit to the other predicts, and the scores of both."""
     method = specification["method"]
     options = specification["options"]
     selection = {"select": specification["select"] or None, "criterion": specification["criterion"]}
@@ -198,7 +191,7 @@ def _fit(
     unseen = []
     chosen: dict[str, Any] = {}
     try:
-        half = _identify(first, method, **selection, **options)[0]
+        half = _identify(first, method, **selection, **options)
         if selection["select"]:
             chosen = half.diagnostics["selection"]["chosen"]
         scores["selected"] = ", ".join(f"{name} {value}" for name, value in chosen.items())
@@ -208,12 +201,9 @@ def _fit(
                 "the parameters are functions of time, and were fitted before the times of the other half."
             )
         # Cycles of the other half begin at onsets of the whole recording.
-        predictions = [
-            half.predict(part, cycle_onsets=options.get("cycle_onsets")) for part in second
-        ]
-        scores |= _score(second, predictions, {"net": "vaf_unseen"})
-        for prediction in predictions:
-            torque = prediction.torque
+        prediction = half.predict(second, cycle_onsets=options.get("cycle_onsets"))
+        scores |= _score(second, prediction, {"net": "vaf_unseen"})
+        for torque in split_torques(prediction.torque):
             start, end = torque["time"][[0, -1]]
             unseen.append(torque.sel(time=slice(start + TRIM, end - TRIM)))
     except DataError as error:
@@ -237,33 +227,25 @@ def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], lis
     return [prepare(segment(trial, start, half))], [prepare(segment(trial, half, end + 1.0))]
 
 
-def _identify(trials: list[PreparedTrial], method: Method, **options: Any) -> list[Estimate]:
-    """One estimate for each trial; several trials are merged."""
-    if len(trials) > 1:
-        return identify(trials, method, **options)
-    return [identify(trials[0], method, **options)]
+def _identify(trials: list[PreparedTrial], method: Method, **options: Any) -> Estimate:
+    """Estimate of a trial, or of several that are merged."""
+    return identify(trials if len(trials) > 1 else trials[0], method, **options)
 
 
 def _score(
-    trials: list[PreparedTrial], estimates: list[Estimate], columns: Mapping[str, str]
+    trials: list[PreparedTrial], estimate: Estimate, columns: Mapping[str, str]
 ) -> dict[str, float]:
-    """VAFs against the measured torque: means over merged trials, or the VAF of a single trial with its interval."""
-    tables = [
-        evaluate(trial, estimate, against="measured", intervals=True).set_index("torque")
-        for trial, estimate in zip(trials, estimates, strict=True)
-    ]
-    means = sum(table[["vaf", "low", "high"]] for table in tables) / len(tables)
-    scores = {}
+    """VAFs against the measured torque with their intervals."""
+    table = evaluate(trials, estimate, against="measured", intervals=True).set_index("torque")
+    scores: dict[str, float] = {}
     for torque, column in columns.items():
-        vaf, low, high = map(float, means.loc[torque])
-        scores[column] = vaf
-        if len(tables) == 1:
-            scores |= {f"{column}_low": low, f"{column}_high": high}
+        vaf, low, high = map(float, table.loc[torque, ["vaf", "low", "high"]])
+        scores |= {column: vaf, f"{column}_low": low, f"{column}_high": high}
     return scores
 
 
 def _test_residual(
-    trials: list[PreparedTrial], estimates: list[Estimate], instrumental: bool
+    trials: list[PreparedTrial], estimate: Estimate, instrumental: bool
 ) -> ResidualTest:
     """Test the residual of the longest trial.
 
@@ -271,8 +253,7 @@ def _test_residual(
     """
     longest = int(np.argmax([trial.time.size for trial in trials]))
     trial = trials[longest]
-    estimate = estimates[longest]
-    torque = estimate.torque
+    torque = split_torques(estimate.torque)[longest]
     time = torque["time"].values
     rate = torque.attrs["identification_rate"]
     residual = (torque[MEASURED] - torque["net"]).values
@@ -290,12 +271,12 @@ def _test_residual(
 
 def _describe_estimate(
     check: Check,
-    trial: PreparedTrial,
+    trials: list[PreparedTrial],
     estimate: Estimate,
     test: ResidualTest,
     validity: Validity,
 ) -> dict[str, Any]:
-    """Columns of the table about the estimate of the first trial."""
+    """Columns of the table about an estimate."""
     warnings = estimate.fit_warnings
     diagnostics = estimate.diagnostics
     # Where there is a warning, the covariance belongs to a solution that was not reached, or to another model.
@@ -308,7 +289,7 @@ def _describe_estimate(
         "residual_white_p": test.white_p,
         "residual_related": test.related,
         "residual_related_p": test.related_p,
-        **parameter_row(trial, shown),
+        **parameter_row(trials, shown),
         "warnings": " ".join(warnings),
         "trusted": not warnings,
         "caution": " ".join(filter(None, [caution, *about_data])),
@@ -320,7 +301,7 @@ def _describe_estimate(
 def _list_assumptions(
     trials: list[PreparedTrial], specification: Specification, estimate: Estimate
 ) -> str:
-    """What the estimate of the first trial takes for granted, and what another delay or effect would do."""
+    """What an estimate takes for granted, and what another delay or effect would do."""
     diagnostics = estimate.diagnostics
     texts = [*diagnostics.get("assumptions", ()), *diagnostics.get("missing", ())]
     method = specification["method"]
@@ -328,7 +309,7 @@ def _list_assumptions(
         options = specification["options"] | {"delay": estimate.reflex["delay"] + MORE_DELAY}
         change = f"a delay of {1000 * MORE_DELAY:g} ms more would"
         try:
-            other = _identify(trials, method, **options)[0]
+            other = _identify(trials, method, **options)
             shifts = compute_shifts(
                 {**estimate.stiffness, **estimate.reflex}, {**other.stiffness, **other.reflex}
             )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +76,7 @@ def check_course(trial: xr.Dataset, mapping: RecordingValues) -> list[Finding]:
     prepared = prepare(trial)
     try:
         grid = prepared.grid(options.identification_rate, options.delay)
-        course = make_course(prepared, grid, onsets, schedule)
+        course = make_course([prepared], [grid], onsets, schedule)
     except DataError as error:
         return [Finding(name, "warning", str(error), error.remedy)]
     position = prepared.motion(grid)[0]
@@ -105,21 +105,19 @@ def tabulate_analysis(
     return table
 
 
-def export_estimates(estimates: Mapping[str, Sequence[Estimate]], folder: PathLike) -> None:
-    """Write estimates as NetCDF, MATLAB and CSV files; those of merged trials are numbered."""
-    for key, trials in estimates.items():
+def export_estimates(estimates: Mapping[str, Estimate], folder: PathLike) -> None:
+    """Write estimates as NetCDF, MATLAB and CSV files."""
+    for key, estimate in estimates.items():
         Path(folder).mkdir(parents=True, exist_ok=True)
-        for number, estimate in enumerate(trials, 1):
-            stem = f"{key}-{number}" if len(trials) > 1 else key
-            for suffix in SUFFIXES:
-                export_estimate(estimate, Path(folder, f"{stem}{suffix}"), overwrite=True)
+        for suffix in SUFFIXES:
+            export_estimate(estimate, Path(folder, f"{key}{suffix}"), overwrite=True)
 
 
 def export_estimate(estimate: Estimate, path: PathLike, *, overwrite: bool = False) -> None:
     """Write one estimate to a file for another program.
 
     `.nc` and `.mat` are the files of `ankleloop.save_estimate`, with torques, model, parameters, intervals and
-    diagnostics; `.csv` is a table of the torques over time.
+    diagnostics; `.csv` is a table of the torques over time, with the number of the trial where trials were merged.
 
     Parameters
     ----------
@@ -152,6 +150,8 @@ def export_estimate(estimate: Estimate, path: PathLike, *, overwrite: bool = Fal
         save_estimate(estimate, path, overwrite=overwrite)
         return
     columns = {"time_s": estimate.torque["time"].values}
+    if "trial" in estimate.torque.coords:
+        columns = {"trial": estimate.torque["trial"].values, **columns}
     for name in TORQUES:
         columns[f"torque_{name}_nm"] = estimate.torque[name].values
     write_csv(pd.DataFrame(columns), path, overwrite=overwrite)

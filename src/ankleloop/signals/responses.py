@@ -10,8 +10,8 @@ There is one estimator, least squares of the taps h, and two ways to its normal 
 - from the matrix of leads and lags (`lag_matrix`), for several records and several channels: the taps are common to all
   records, and only samples count whose leads and lags lie within their record (`project_on_reference`, `unseen_share`,
   `predict_from_reference`);
-- from correlations, for one signal of one long record: the length of the record hardly counts, and frequencies may have
-  weights (`fit_finite_response`, `predict_decimated`).
+- from correlations, for one signal: the length of a record hardly counts, and frequencies may have weights
+  (`fit_finite_response`, `predict_decimated`).
 """
 
 from __future__ import annotations
@@ -126,36 +126,40 @@ def predict_from_reference(
 
 
 def fit_finite_response(
-    y: np.ndarray,
-    x: np.ndarray,
+    signals: Sequence[np.ndarray],
+    sources: Sequence[np.ndarray],
     rate: float,
     leads: float = RESPONSE_LEADS,
     lags: float = RESPONSE_LAGS,
 ) -> np.ndarray:
-    r"""Finite response of a signal to leads and lags of another, by weighted least squares.
+    r"""Finite response of signals to leads and lags of others, common to all records, by weighted least squares.
 
-    The normal equations are made of correlations, so the length of the record hardly counts. They are solved twice: the
+    The normal equations are made of correlations, so the length of a record hardly counts. They are solved twice: the
     second time every frequency is weighted by the inverse spectrum of the residual of the first solution.
 
-    Shapes: y, x (N,); returns (leads + lags + 1,).
+    Shapes: signals, sources (N,), of each record; returns (leads + lags + 1,).
     """
     shifts = np.arange(-round(leads * rate), round(lags * rate) + 1)
-    if y.size < 4 * shifts.size:
+    sizes = [signal.size for signal in signals]
+    if sum(sizes) < 4 * shifts.size:
         raise DataError(
-            f"the record of {y.size / rate:.3g} s is too short for a response to {shifts.size / rate:.3g} s of the "
-            f"reference: record at least {4 * shifts.size / rate:.3g} s."
+            f"the record of {sum(sizes) / rate:.3g} s is too short for a response to {shifts.size / rate:.3g} s of "
+            f"the reference: record at least {4 * shifts.size / rate:.3g} s."
         )
-    size = int(2 ** np.ceil(np.log2(y.size + shifts.size)))
-    source = np.fft.rfft(x - x.mean(), size)
-    signal = np.fft.rfft(y - y.mean(), size)
+    size = int(2 ** np.ceil(np.log2(max(sizes) + shifts.size)))
+    source_spectra = np.array([np.fft.rfft(_centre(source), size) for source in sources])
+    signal_spectra = np.array([np.fft.rfft(_centre(signal), size) for signal in signals])
     passband = np.fft.rfftfreq(size) <= PASSBAND
     taps = np.zeros(size)
-    taps[shifts] = _solve_correlations(source, signal, passband.astype(float), shifts)
-    residual = signal - np.fft.rfft(taps) * source
-    noise = smooth(np.abs(residual) ** 2, NOISE_RESOLUTION * size / rate)
+    taps[shifts] = _solve_correlations(
+        source_spectra, signal_spectra, passband.astype(float), shifts
+    )
+    residuals = signal_spectra - np.fft.rfft(taps) * source_spectra
+    power = np.sum(np.abs(residuals) ** 2, axis=0)
+    noise = smooth(power, NOISE_RESOLUTION * size / rate)
     floor = NOISE_FLOOR * noise[passband].max()
     weights = np.where(passband, 1.0 / np.maximum(noise, floor), 0.0)
-    return _solve_correlations(source, signal, weights, shifts)
+    return _solve_correlations(source_spectra, signal_spectra, weights, shifts)
 
 
 def apply_response(taps: np.ndarray, x: np.ndarray, leads: int) -> np.ndarray:
@@ -170,21 +174,27 @@ def apply_response(taps: np.ndarray, x: np.ndarray, leads: int) -> np.ndarray:
 
 
 def predict_decimated(
-    y: np.ndarray, reference: np.ndarray, grid: tuple[int, int, int], rate: float
-) -> np.ndarray:
-    """Part of a decimated signal that the recorded reference explains, at the recording rate.
+    signals: Sequence[np.ndarray],
+    references: Sequence[np.ndarray],
+    grids: Sequence[tuple[int, int, int]],
+    rate: float,
+) -> list[np.ndarray]:
+    """Part of decimated signals that the recorded references explain, at the recording rate, by one response.
 
-    Beyond its ends the reference is taken to equal its mean.
+    Beyond its ends a reference is taken to equal its mean.
 
-    Shapes: y (N,), reference (samples,); returns (samples,).
+    Shapes: signals (N,), references (samples,), of each record; returns (samples,).
     """
-    factor = grid[0]
-    taps = fit_finite_response(y, decimate(reference, *grid), rate / factor)
+    factor = grids[0][0]
+    pairs = zip(references, grids, strict=True)
+    decimated = [decimate(reference, *grid) for reference, grid in pairs]
+    taps = fit_finite_response(signals, decimated, rate / factor)
     recorded_taps = np.zeros(factor * (taps.size - 1) + 1)
     recorded_taps[::factor] = taps
     lowpass, half = decimation_taps(factor, 0)
+    response = convolve(recorded_taps, lowpass)
     leads = half + factor * round(RESPONSE_LEADS * rate / factor)
-    return apply_response(convolve(recorded_taps, lowpass), reference, leads)
+    return [apply_response(response, reference, leads) for reference in references]
 
 
 def _centre(x: np.ndarray) -> np.ndarray:
@@ -262,14 +272,16 @@ def _residuals(records: Sequence[LaggedRecord], taps: np.ndarray) -> list[np.nda
 
 
 def _solve_correlations(
-    source: np.ndarray, signal: np.ndarray, weights: np.ndarray, shifts: np.ndarray
+    sources: np.ndarray, signals: np.ndarray, weights: np.ndarray, shifts: np.ndarray
 ) -> np.ndarray:
-    """Taps by normal equations of correlations, from the spectra of the source and of the signal.
+    """Taps by normal equations of correlations, from the spectra of the sources and of the signals of all records.
 
-    Shapes: source, signal, weights (F,), shifts (taps,); returns (taps,).
+    Shapes: sources, signals (records, F), weights (F,), shifts (taps,); returns (taps,).
     """
-    size = 2 * (source.size - 1)
-    autocorrelation = np.fft.irfft(weights * np.abs(source) ** 2, size)[: shifts.size]
+    size = 2 * (weights.size - 1)
+    power = np.sum(weights * np.abs(sources) ** 2, axis=0)
+    autocorrelation = np.fft.irfft(power, size)[: shifts.size]
     autocorrelation[0] *= 1.0 + SOURCE_RIDGE
-    products = np.fft.irfft(weights * source.conj() * signal, size)[shifts]
+    cross = np.sum(weights * sources.conj() * signals, axis=0)
+    products = np.fft.irfft(cross, size)[shifts]
     return linalg.solve_toeplitz(autocorrelation, products)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -22,6 +23,16 @@ class Band:
     rate: float  # sampling rate [Hz]
     lowest: float  # lower edge of the band [Hz]
     highest: float  # upper edge of the band [Hz]
+
+    @property
+    def parts(self) -> tuple[Band, ...]:
+        """The band of each record: this one."""
+        return (self,)
+
+    @property
+    def longest(self) -> Band:
+        """The band of the longest record: this one."""
+        return self
 
     @cached_property
     def taper(self) -> np.ndarray:
@@ -72,6 +83,19 @@ class Band:
         transform[..., self.bins] = spectra
         return np.fft.irfft(transform, self.samples, axis=-1)
 
+    def contributions(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """What each time contributes to the products of spectra, of which the sum over frequencies has the real part.
+
+        Shapes: first, second (..., frequencies); returns (..., samples).
+        """
+        return 0.5 * self.samples * (self.signals(first) * self.signals(second))
+
+    def correlate(self, cross: np.ndarray, reach: int) -> np.ndarray:
+        """Sums of cross spectra at lags that are 1/(2 b) apart in a band of width b, shape (2 reach + 1,)."""
+        size = 2 * self.bins.stop
+        padded = np.pad(cross, (self.bins.start, 1))
+        return 0.5 * size * np.fft.irfft(padded, size)[np.arange(-reach, reach + 1)]
+
     def smooth(self, power: np.ndarray, resolution: float) -> np.ndarray:
         """Smooth a periodogram over a width in frequency.
 
@@ -79,16 +103,131 @@ class Band:
         """
         return smooth(power, resolution * self.samples / self.rate)
 
+    def average(self, power: np.ndarray, resolution: float) -> np.ndarray:
+        """Smoothed periodogram as a power spectral density."""
+        return self.smooth(power, resolution) / self.density
+
     def smoothing_variance(self, resolution: float) -> float:
         """Variance of a smoothed periodogram over its square."""
         window = _window(resolution * self.samples / self.rate, self.frequency.size)
         return float(self.correlation * np.sum(window**2))
 
 
+@dataclass(frozen=True)
+class Bands:
+    """Fourier transforms of several records: their samples one after the other, their frequencies side by side.
+
+    Each record has its own mean and taper. What is smoothed over frequency is the mean over the records.
+    """
+
+    parts: tuple[Band, ...]  # one for each record
+
+    @property
+    def highest(self) -> float:
+        """Upper edge of the band [Hz]."""
+        return self.parts[0].highest
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return sum(part.samples for part in self.parts)
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]."""
+        return self.parts[0].rate
+
+    @cached_property
+    def frequency(self) -> np.ndarray:
+        """Frequencies of all records [Hz], shape (frequencies,)."""
+        return np.concatenate([part.frequency for part in self.parts])
+
+    @cached_property
+    def s(self) -> np.ndarray:
+        """Laplace variable on the imaginary axis [rad/s], shape (frequencies,)."""
+        return 2j * np.pi * self.frequency
+
+    @cached_property
+    def correlation(self) -> float:
+        """Factor by which the tapers raise variances."""
+        factors = [part.correlation for part in self.parts]
+        return float(np.average(factors, weights=[part.samples for part in self.parts]))
+
+    def transform(self, x: np.ndarray) -> np.ndarray:
+        """Fourier transforms of tapered records less their means.
+
+        Shapes: x (..., samples); returns (..., frequencies).
+        """
+        pairs = self._split(x, [part.samples for part in self.parts])
+        return np.concatenate([part.transform(values) for part, values in pairs], axis=-1)
+
+    def signals(self, spectra: np.ndarray) -> np.ndarray:
+        """Signals of transforms that are zero beyond the band, shape (..., samples)."""
+        pairs = self._split_spectra(spectra)
+        return np.concatenate([part.signals(values) for part, values in pairs], axis=-1)
+
+    def contributions(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """What each time contributes to the products of spectra, shape (..., samples)."""
+        pairs = zip(self._split_spectra(first), self._split_spectra(second), strict=True)
+        products = [part.contributions(one, other) for (part, one), (_, other) in pairs]
+        return np.concatenate(products, axis=-1)
+
+    def correlate(self, cross: np.ndarray, reach: int) -> np.ndarray:
+        """Sums of cross spectra at lags that are 1/(2 b) apart in a band of width b, shape (2 reach + 1,)."""
+        products = [part.correlate(values, reach) for part, values in self._split_spectra(cross)]
+        return np.sum(products, axis=0)
+
+    @cached_property
+    def longest(self) -> Band:
+        """The band of the longest record."""
+        return max(self.parts, key=lambda part: part.samples)
+
+    def average(self, power: np.ndarray, resolution: float) -> np.ndarray:
+        """Mean of the smoothed power spectral densities, the records weighing as they are long.
+
+        Shapes: power (frequencies,); returns as the frequencies of the longest record.
+        """
+        frequency = self.longest.frequency
+        total = np.zeros(frequency.size)
+        for part, values in self._split_spectra(power):
+            density = part.average(values, resolution)
+            total += part.samples * np.interp(frequency, part.frequency, density)
+        return total / self.samples
+
+    def smooth(self, power: np.ndarray, resolution: float) -> np.ndarray:
+        """Smooth the mean periodogram, shape (frequencies,)."""
+        mean = self.average(power, resolution)
+        frequency = self.longest.frequency
+        densities = [np.interp(part.frequency, frequency, mean) for part in self.parts]
+        pairs = zip(self.parts, densities, strict=True)
+        return np.concatenate([part.density * density for part, density in pairs])
+
+    def smoothing_variance(self, resolution: float) -> float:
+        """Variance of a smoothed mean periodogram over its square."""
+        shares = np.array([part.samples / self.samples for part in self.parts])
+        variances = [part.smoothing_variance(resolution) for part in self.parts]
+        return float(np.sum(shares**2 * variances))
+
+    def _split_spectra(self, spectra: np.ndarray) -> list[tuple[Band, np.ndarray]]:
+        """Each band with the spectra of its record."""
+        return self._split(spectra, [part.frequency.size for part in self.parts])
+
+    def _split(self, values: np.ndarray, sizes: Sequence[int]) -> list[tuple[Band, np.ndarray]]:
+        """Each band with its part of values along their last axis."""
+        parts = np.split(values, np.cumsum(sizes)[:-1], axis=-1)
+        return list(zip(self.parts, parts, strict=True))
+
+
 @lru_cache(maxsize=8)
 def pass_band(samples: int, rate: float) -> Band:
     """The band of an identification: from 0.05 Hz to the end of the pass band of the decimation."""
     return Band(samples, rate, lowest=LOWEST_FREQUENCY, highest=PASSBAND * rate)
+
+
+def pass_bands(sizes: Sequence[int], rate: float) -> Band | Bands:
+    """The band of an identification from records of so many samples."""
+    parts = tuple(pass_band(samples, rate) for samples in sizes)
+    return parts[0] if len(parts) == 1 else Bands(parts)
 
 
 def segment_spectra(x: np.ndarray, length: int, step: int) -> np.ndarray:

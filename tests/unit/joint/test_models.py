@@ -106,17 +106,15 @@ def test_the_torques_of_riv_are_those_of_its_model(trial, other, options):
 
 def test_the_initial_state_belongs_to_the_record(trial, other):
     """With it the model gives the torques of the estimate; a prediction begins at rest, and comes to the same."""
-    for record, estimate in zip(
-        (trial, other), identify([trial, other], "pr-moesp", basis="rectifier"), strict=True
-    ):
-        model = estimate.predictor
-        torques = simulate_torques(
-            model.matrices, model.initial_state, model.inputs.regressors(prepare(record))
-        )
-        np.testing.assert_allclose(torques["reflex"], estimate.torque["reflex"], atol=1e-12)
-        difference = (estimate.predict(record).torque["reflex"] - torques["reflex"]).values
-        assert np.ptp(difference[:20]) > 1e-3
-        np.testing.assert_allclose(difference[300:], difference[-1], atol=1e-6)
+    estimate = identify(trial, "pr-moesp", basis="rectifier")
+    model = estimate.predictor
+    torques = simulate_torques(
+        model.matrices, model.initial_state, model.inputs.regressors(prepare(trial))
+    )
+    np.testing.assert_allclose(torques["reflex"], estimate.torque["reflex"], atol=1e-12)
+    difference = (estimate.predict(trial).torque["reflex"] - torques["reflex"]).values
+    assert np.ptp(difference[:20]) > 1e-3
+    np.testing.assert_allclose(difference[300:], difference[-1], atol=1e-6)
 
 
 def test_short_trials_are_refused(trial):

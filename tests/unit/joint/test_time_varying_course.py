@@ -71,7 +71,7 @@ def test_wrong_onsets_are_refused_with_what_to_do(trial, onsets, message):
 def test_records_without_a_course_are_refused(trial, onsets, schedule, message):
     grid = decimation_grid(TIME.size, RATE, 50.0, 0.04)
     with pytest.raises(DataError, match=message):
-        make_course(trial, grid, onsets, schedule)
+        make_course([trial], [grid], onsets, schedule)
 
 
 @pytest.mark.parametrize(
@@ -85,19 +85,19 @@ def test_a_schedule_that_holds_the_perturbation_is_refused(share, refused):
         new_trial(slow + fast, RNG.standard_normal(TIME.size), RATE, angle=schedule, slow=slow)
     )
     grid = decimation_grid(TIME.size, RATE, 50.0, 0.04)
-    assert make_course(trial, grid, None, "slow").dimension == "schedule"
+    assert make_course([trial], [grid], None, "slow").dimension == "schedule"
     if refused:
         with pytest.raises(
             DataError, match=r"angle follows the perturbation: .* Give its slow part"
         ):
-            make_course(trial, grid, None, "angle")
+            make_course([trial], [grid], None, "angle")
     else:
-        assert make_course(trial, grid, None, "angle").dimension == "schedule"
+        assert make_course([trial], [grid], None, "angle").dimension == "schedule"
 
 
 def test_a_record_without_cycles_may_be_as_short_as_the_refusal_says(trial):
-    assert make_course(trial, Grid(1, 0, 950), None, None).segments == 8
+    assert make_course([trial], [Grid(1, 0, 950)], None, None).segments == 8
     with pytest.raises(
         DataError, match=r"the record is too short: riv-tv without cycles needs 9.5 s"
     ):
-        make_course(trial, Grid(1, 0, 949), None, None)
+        make_course([trial], [Grid(1, 0, 949)], None, None)

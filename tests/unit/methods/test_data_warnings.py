@@ -180,13 +180,10 @@ def test_a_parameter_that_no_joint_has_is_a_warning(trial, value, words):
 
 def test_the_warning_names_the_merged_trial():
     trials = [simulate(seed=seed, duration=8.0) for seed in range(3)]
-    assert not any(
-        "data_warnings" in estimate.diagnostics for estimate in identify(trials, "pr-moesp")
-    )
+    assert "data_warnings" not in identify(trials, "pr-moesp").diagnostics
     trials[1] = trials[1].assign(torque=-trials[1]["torque"])
-    for estimate in identify(trials, "pr-moesp"):
-        (warning,) = estimate.diagnostics["data_warnings"]
-        assert warning.startswith("trial 2 of 3: a second-order model")
+    (warning,) = identify(trials, "pr-moesp").diagnostics["data_warnings"]
+    assert warning.startswith("trial 2 of 3: a second-order model")
     trials = [simulate(seed=seed, duration=16.0) for seed in range(2)]
     with pytest.raises(DataError, match="too weak an instrument"):
         identify([trials[0], trials[1].assign(reference=trials[0]["reference"])], "pr-moesp")

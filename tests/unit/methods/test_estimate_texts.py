@@ -36,10 +36,10 @@ def test_the_default_is_the_method_that_feedback_does_not_bias(noisy):
     assert identify(noisy) == identify(noisy, "riv")
     with pytest.raises(DataError, match=r"no reference.*reference='position'.*parallel-cascade"):
         identify(noisy.drop_vars("reference"))
-    with pytest.raises(
-        DataError, match=r"name the method for trials that are merged: one of the MOESP family"
-    ):
-        identify([noisy, simulate(seed=2, duration=20.0)])
+    other = simulate(seed=2, duration=20.0)
+    assert identify([noisy, other]) == identify([noisy, other], "riv")
+    with pytest.raises(DataError, match=r"no reference"):
+        identify([noisy, other.drop_vars("reference")])
 
 
 def test_an_estimate_shows_all_of_its_parameters_and_compares(noisy):

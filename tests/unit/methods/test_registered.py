@@ -24,7 +24,7 @@ def identify_twice(trial, options):
     from dataclasses import replace
 
     riv = METHODS["riv"]
-    estimate = riv.identify(trial, riv.options())
+    estimate = riv.identify([trial], riv.options())
     return replace(estimate, stiffness={**estimate.stiffness, "K": options.factor * estimate.stiffness["K"]})
 
 

@@ -23,7 +23,7 @@ def solve_trial(trial, weighting="noise"):
     regressors = trial.regressors(
         delay=0.04, basis="rectifier", identification_rate=100.0, reference="reference"
     )
-    equations = Equations(trial, regressors, weighting)
+    equations = Equations([trial], [regressors], weighting)
     return solve(equations, equations.find_start(2, estimate_delay=False))
 
 

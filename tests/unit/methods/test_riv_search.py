@@ -25,7 +25,7 @@ def set_up(
     regressors = trial.regressors(
         delay=0.04, basis=basis, degree=degree, identification_rate=100.0, reference=reference
     )
-    equations = Equations(trial, regressors, weighting)
+    equations = Equations([trial], [regressors], weighting)
     return equations, equations.find_start(order, estimate_delay=estimate_delay)
 
 

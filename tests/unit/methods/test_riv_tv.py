@@ -294,7 +294,7 @@ def test_samples_count_by_the_inverse_of_the_noise_at_their_place(onsets):
     level = 4.0 ** -np.cos(2.0 * np.pi * place)
     trial["torque"] += 0.5 * level * np.random.default_rng(1).standard_normal(place.size)
     options = RivTvOptions(reference="position", cycle_onsets=onsets)
-    solution = solve_time_varying(TimeVaryingEquations(prepare(trial), options))
+    solution = solve_time_varying(TimeVaryingEquations([prepare(trial)], options))
     course, noise = solution.equations.course, solution.system.residual(solution.parameters.linear)
     loud = np.abs(course.place[course.rows] - 0.5) < 0.2
     assert 0.7 < np.std(noise[loud]) / np.std(noise[~loud]) < 1.4  # in the torque it is above 4

@@ -21,7 +21,7 @@ CYCLES = {"variation": "cycle", "duration": 31.0, "stiffness_variation": 0.4, "m
 
 def solve(trial, **options):
     options = RivTvOptions(**{"cycle_onsets": "phase"} | options)
-    return solve_time_varying(TimeVaryingEquations(prepare(trial), options))
+    return solve_time_varying(TimeVaryingEquations([prepare(trial)], options))
 
 
 @pytest.fixture(scope="module")

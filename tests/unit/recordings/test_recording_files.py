@@ -55,20 +55,23 @@ def test_analysis_has_a_table_and_exports(path, tmp_path):
     assert list(table.columns[:4]) == ["recording", "subject", "condition", "trial"]
     assert table.iloc[0, :4].tolist() == ["A1", "S1", "rest", 2]
     assert table["key"].tolist() == ["pr-moesp-position"]
-    files.export_estimates({"pr-moesp-position": analysis.records["PR-MOESP"]}, tmp_path / "A1")
+    files.export_estimates({"pr-moesp-position": analysis.estimates["PR-MOESP"]}, tmp_path / "A1")
     names = sorted(file.name for file in (tmp_path / "A1").iterdir())
     assert names == [f"pr-moesp-position{suffix}" for suffix in (".csv", ".mat", ".nc")]
     estimate = ankleloop.load_estimate(tmp_path / "A1" / "pr-moesp-position.nc")
     assert estimate.stiffness == analysis.estimates["PR-MOESP"].stiffness
 
 
-def test_estimates_of_merged_trials_are_numbered(path, tmp_path):
+def test_an_estimate_of_merged_trials_has_their_numbers(path, tmp_path):
     halves = [
         files.load_recording(path, MAPPING | part) for part in ({"stop": 6.0}, {"start": 6.0})
     ]
     analysis = analyse(halves, METHODS)
-    files.export_estimates({"pr-moesp": analysis.records["PR-MOESP"]}, tmp_path / "M1")
-    assert {file.stem for file in (tmp_path / "M1").iterdir()} == {"pr-moesp-1", "pr-moesp-2"}
+    files.export_estimates({"pr-moesp": analysis.estimates["PR-MOESP"]}, tmp_path / "M1")
+    table = pd.read_csv(tmp_path / "M1" / "pr-moesp.csv")
+    assert table.groupby("trial")["time_s"].max().round().tolist() == [6.0, 12.0]
+    loaded = ankleloop.load_estimate(tmp_path / "M1" / "pr-moesp.nc")
+    assert loaded == analysis.estimates["PR-MOESP"]
 
 
 def test_unusable_file_is_refused_with_its_reason(path, tmp_path):

@@ -15,10 +15,10 @@ def test_a_finite_response_in_coloured_noise():
     y = np.convolve(x, truth)[1 : 1 + x.size] + 10 * sps.lfilter(
         [0.02], [1.0, -0.98], rng.standard_normal(20_000)
     )
-    taps = fit_finite_response(y, x, 100.0, leads=0.01, lags=0.04)
+    taps = fit_finite_response([y], [x], 100.0, leads=0.01, lags=0.04)
     np.testing.assert_allclose(taps, truth, atol=0.1)
     with pytest.raises(DataError, match="too short for a response"):
-        fit_finite_response(y[:20], x[:20], 100.0)
+        fit_finite_response([y[:20]], [x[:20]], 100.0)
 
 
 def test_a_response_is_applied_with_its_leads():
@@ -37,6 +37,6 @@ def test_the_prediction_keeps_the_delay_of_the_signal():
     )
     delayed = np.roll(source, 70)
     grid = (10, 500, 3800)
-    prediction = predict_decimated(delayed[500:38_500:10], source, grid, 1000.0)
+    (prediction,) = predict_decimated([delayed[500:38_500:10]], [source], [grid], 1000.0)
     middle = slice(2000, -3000)
     assert np.std((prediction - delayed + delayed.mean())[middle]) < 0.02 * np.std(delayed)

@@ -220,12 +220,10 @@ def _differentiate(effect: str, point: Point, origin: Equations) -> np.ndarray:
     if effect == "high-pass":
         return -np.stack([origin.torque, predicted_torque]) / band.s
     if effect == "compression":
-        measured_torque = origin.regressors.torque
-        centred = measured_torque - measured_torque.mean()
-        torques = np.stack([centred, band.signals(predicted_torque)])
+        torques = np.stack([origin.recorded_torque, band.signals(predicted_torque)])
         return -band.transform(torques**2 * torques)
     if effect == "friction":
-        velocities = [origin.regressors.inputs[:, 1], origin.predicted_inputs[:, 1]]
+        velocities = [origin.inputs[1], origin.predicted_inputs[1]]
         return band.transform(np.sign(velocities))
     velocities, drives = np.stack([origin.measured, origin.predicted], axis=1)[[1, MOTION]]
     late = np.exp(-band.s * origin.delay)

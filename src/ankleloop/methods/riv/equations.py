@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,12 +11,12 @@ from scipy import special
 
 from ankleloop.joint.dynamics import GRIDS, ReflexDynamics
 from ankleloop.joint.hammerstein import ReflexPath
-from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.joint.prepared import PreparedTrial, predict_inputs
 from ankleloop.joint.regressors import MOTION, Regressors
 from ankleloop.methods.riv.start import fit_grid, make_grid
 from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import invert_scaled, solve_scaled
-from ankleloop.signals.spectra import pass_band
+from ankleloop.signals.spectra import pass_bands
 
 NOISE_RESOLUTION = 0.4  # Hz
 POWER_FLOOR = 1e-12  # of the largest power of the noise
@@ -103,7 +104,7 @@ class Point:
         self.parameters = parameters
         # Of all unknowns; those of basis functions have the same one.
         self.names = (*STIFFNESS, *["c"] * coefficients.size, *parameters.unknowns)
-        self.reflex_path = ReflexPath(equations.regressors.basis, coefficients, parameters.dynamics)
+        self.reflex_path = ReflexPath(equations.records[0].basis, coefficients, parameters.dynamics)
         # Derivatives of the torque with respect to the unknowns, by the measured inputs and by the predicted ones, both
         # of shape (unknowns, frequencies).
         self.regressors = equations.differentiate(equations.measured, parameters)
@@ -188,12 +189,11 @@ class Point:
     def _correlation_p(self, spectrum: np.ndarray) -> float:
         """Probability of correlations of the residual and an independent signal that are at least as large."""
         band = self.equations.band
-        size = 2 * band.bins.stop
-        reach = int(MOVEMENT_REACH * size * band.rate / band.samples)
+        part = band.parts[0]
+        reach = int(MOVEMENT_REACH * 2 * part.bins.stop * part.rate / part.samples)
         power = band.smooth(np.abs(spectrum) ** 2, MOVEMENT_RESOLUTION)
         cross = self.residual / np.sqrt(self.noise) * spectrum.conj() / np.sqrt(power)
-        padded = np.pad(cross, (band.bins.start, 1))
-        products = 0.5 * size * np.fft.irfft(padded, size)[np.arange(-reach, reach + 1)]
+        products = band.correlate(cross, reach)
         energy = np.sum(products**2) / (0.5 * cross.size * band.correlation)
         return float(special.chdtrc(products.size, energy))
 
@@ -236,26 +236,36 @@ class Point:
 
 
 class Equations:
-    """Spectra of the measured and of the predicted inputs of a trial, and the equations between them."""
+    """Spectra of the measured and of the predicted inputs of trials, and the equations between them.
 
-    def __init__(self, trial: PreparedTrial, regressors: Regressors, weighting: str) -> None:
-        self.regressors = regressors
+    Several trials are one record whose frequencies lie side by side.
+    """
+
+    def __init__(
+        self, trials: Sequence[PreparedTrial], records: Sequence[Regressors], weighting: str
+    ) -> None:
+        self.records = records
         self.weighting = weighting  # "noise" or "flat"
-        self.delay = regressors.delay  # of the inputs [s]
-        self.band = pass_band(regressors.torque.size, regressors.rate)
+        self.delay = records[0].delay  # of the inputs [s]
+        self.band = pass_bands([record.torque.size for record in records], records[0].rate)
         # From this pole on none can be told from a delay [rad/s].
         self.pole_limit = FASTEST_POLE * self.band.highest
         # Variance of the smoothed spectrum over its square; zero for flat weights.
         self.smoothing_variance = 0.0
         if weighting == "noise":
             self.smoothing_variance = self.band.smoothing_variance(NOISE_RESOLUTION)
-        self.torque = self.band.transform(regressors.torque)
-        self.measured = self.band.transform(regressors.inputs.T)
+        # Shape (samples,): the torque over time, less the mean of each trial.
+        self.recorded_torque = _join([record.torque - record.torque.mean() for record in records])
+        self.torque = self.band.transform(_join([record.torque for record in records]))
+        # Shape (3 + k, samples): the inputs over time.
+        self.inputs = _join([record.inputs.T for record in records])
+        self.measured = self.band.transform(self.inputs)
+        self.predicted_inputs = self.inputs
         self.predicted = self.measured
-        self.predicted_inputs = trial.predict_inputs(regressors)
-        self.open_loop = self.predicted_inputs is regressors.inputs
+        self.open_loop = records[0].reference_name == "position"
         if not self.open_loop:
-            self.predicted = self.band.transform(self.predicted_inputs.T)
+            self.predicted_inputs = _join([part.T for part in predict_inputs(trials, records)])
+            self.predicted = self.band.transform(self.predicted_inputs)
 
     def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
         """Smoothed periodogram, shape (frequencies,)."""
@@ -297,3 +307,8 @@ class Equations:
             shift=float(shifts[late]),
             delays=("delay",) if estimate_delay else (),
         )
+
+
+def _join(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Signals of records, one after the other."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -12,8 +12,8 @@ from scipy.fft import dct
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, PhysicalModel
-from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import MOTION
+from ankleloop.joint.prepared import PreparedTrial, make_regressors
+from ankleloop.joint.regressors import MOTION, merge_torques
 from ankleloop.methods.method import (
     NOMINAL_DELAY,
     POSITION,
@@ -53,7 +53,7 @@ class RivOptions(RefinedOptions, BasisOptions):
     )
 
 
-def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
+def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estimate:
     r"""Estimate K, B, I and the reflex by refined instrumental variables, consistent in closed loop.
 
     The model is continuous in time,
@@ -69,7 +69,9 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     .. math:: \sum_f \Re\, \bar\psi(f)\, \hat\Phi_v(f)^{-1} \left[TQ(f) - \hat{TQ}(f; \hat\theta)\right] = 0.
 
     Weighting by the noise spectrum corresponds to prewhitening in time. Spectrum and derivatives are
-    those of the parameters (Young 2011; Gilson, Garnier, Young and Van den Hof 2011). The search for the solution
+    those of the parameters (Young 2011; Gilson, Garnier, Young and Van den Hof 2011). Of several trials the
+    sums go over the frequencies of all of them, each with its own mean; the response to the reference and the noise
+    spectrum are common to them. The search for the solution
     never ends worse than its start (`ankleloop.methods.riv.search.solve`), which is the best of a grid of dynamics for
     the predicted position, a fit to the torque that the reference explains.
 
@@ -79,7 +81,8 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
 
     Parameters
     ----------
-    trial : PreparedTrial
+    trials : sequence of PreparedTrial
+        One trial, or several of one joint in one condition.
     options : RivOptions
         A delay that is not given is estimated where the record shows it within a few milliseconds;
         elsewhere it is assumed to be 40 ms.
@@ -113,29 +116,30 @@ def identify_riv(trial: PreparedTrial, options: RivOptions) -> Estimate:
     >>> low < 150.0 < high
     True
     """
-    solution = _solve(trial, options, estimate_delay=options.delay is None)
+    solution = _solve(trials, options, estimate_delay=options.delay is None)
     assumptions = []
     if options.delay is None and not _shows_delay(solution):
         assumptions = [
             f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
         ]
-        solution = _solve(trial, options, estimate_delay=False)
-    estimate = _estimate(trial, solution, options, assumptions)
+        solution = _solve(trials, options, estimate_delay=False)
+    estimate = _estimate(trials, solution, options, assumptions)
     if not solution.converged:
         return estimate
-    return with_alternatives(estimate, find_alternatives(solution), trial)
+    return with_alternatives(estimate, find_alternatives(solution), trials[0])
 
 
-def _solve(trial: PreparedTrial, options: RivOptions, *, estimate_delay: bool) -> Search:
+def _solve(trials: Sequence[PreparedTrial], options: RivOptions, *, estimate_delay: bool) -> Search:
     """Solution of the equations, with the delay as an unknown or not."""
-    regressors = trial.regressors(
-        delay=NOMINAL_DELAY if options.delay is None else options.delay,
+    records = make_regressors(
+        trials,
         basis=options.basis or "rectifier",
         degree=options.degree,
+        delay=NOMINAL_DELAY if options.delay is None else options.delay,
         identification_rate=options.identification_rate,
         reference=options.reference,
     )
-    equations = Equations(trial, regressors, options.weighting)
+    equations = Equations(trials, records, options.weighting)
     return solve(equations, equations.find_start(options.order, estimate_delay=estimate_delay))
 
 
@@ -149,7 +153,10 @@ def _shows_delay(solution: Search) -> bool:
 
 
 def _estimate(
-    trial: PreparedTrial, solution: Search, options: RivOptions, assumptions: list[str]
+    trials: Sequence[PreparedTrial],
+    solution: Search,
+    options: RivOptions,
+    assumptions: list[str],
 ) -> Estimate:
     """Torques, physical parameters, and where the search has converged their intervals."""
     equations = solution.equations
@@ -164,7 +171,9 @@ def _estimate(
         kind = options.intervals or ("robust" if point.movement_p < INCOMPLETE else "asymptotic")
         deviations, quantile = _quantify(solution, kind)
     errors, intervals = estimate_intervals(point.values, deviations, quantile)
-    inputs = ModelInputs.of(equations.regressors, reflex["delay"])
+    inputs = ModelInputs.of(equations.records[0], reflex["delay"])
+    band = equations.band.parts[0]
+    noise = point.noise[: band.frequency.size]
     model = PhysicalModel(
         inputs=inputs,
         stiffness=parameters.linear[:MOTION],
@@ -173,7 +182,7 @@ def _estimate(
     )
     return Estimate(
         method="riv",
-        torque=model.predict(trial),
+        torque=merge_torques([model.predict(trial) for trial in trials]),
         stiffness=stiffness,
         reflex=reflex,
         intervals=intervals,
@@ -187,8 +196,8 @@ def _estimate(
             "intervals": kind,
             "movement_p": point.movement_p,
             "standard_errors": errors,
-            "noise_frequency": equations.band.frequency,
-            "noise_spectrum": point.noise / equations.band.density,
+            "noise_frequency": band.frequency,
+            "noise_spectrum": noise / band.density,
             "nonlinearity": point.reflex_path.curve(),
             "assumptions": assumptions,
             "warnings": _warnings(solution),
@@ -266,12 +275,12 @@ def time_scores(point: Point) -> np.ndarray:
     equations = point.equations
     band = equations.band
     root = np.sqrt(point.level)
-    scores = band.signals(point.instruments / root) * band.signals(point.residual / root)
+    scores = band.contributions(point.instruments / root, point.residual / root)
     if equations.weighting == "noise":
         products = np.real(point.weighted * point.residual) / point.level
         filtered = equations.smooth_rows(products) * point.residual
-        scores -= band.signals(filtered) * band.signals(point.residual)
-    return 0.5 * band.samples * scores
+        scores -= band.contributions(filtered, point.residual)
+    return scores
 
 
 def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
@@ -317,6 +326,7 @@ METHODS = (
         "riv",
         RivOptions,
         identify_riv,
+        merges=True,
         validity=Validity(closed={}, without_reference=POSITION),
         offer=Offer(
             "Refined instrumental variables",

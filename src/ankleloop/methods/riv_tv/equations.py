@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,12 @@ from ankleloop.joint.time_varying_course import make_course
 from ankleloop.methods.method import NOMINAL_DELAY
 from ankleloop.methods.riv.equations import DELAY_LIMITS, Parameters
 from ankleloop.methods.riv_tv.bases import Bases
-from ankleloop.methods.riv_tv.motion import Motion, measure_motion, predict_motion
+from ankleloop.methods.riv_tv.motion import (
+    Motion,
+    join_positions,
+    measure_motion,
+    predict_motion,
+)
 from ankleloop.methods.riv_tv.options import RivTvOptions
 from ankleloop.methods.riv_tv.repetition import CycleMean, SmoothPart
 from ankleloop.methods.riv_tv.whitening import NoiseModel, PaddedTransform, Weighting
@@ -46,38 +52,51 @@ class WhitenedSystem:
 
 
 class TimeVaryingEquations:
-    """Spectra of torque and inputs of a trial for a delay of the reflex; whitened systems are made of them.
+    """Spectra of torque and inputs of trials for a delay of the reflex; whitened systems are made of them.
 
     The instruments are made of the position that the reference predicts; the position itself as reference gives least
     squares.
     """
 
-    def __init__(self, trial: PreparedTrial, options: RivTvOptions) -> None:
+    def __init__(self, trials: Sequence[PreparedTrial], options: RivTvOptions) -> None:
         self.options = options
         self.delay = NOMINAL_DELAY if options.delay is None else options.delay  # [s]
         latest = DELAY_LIMITS[1] if options.delay is None else options.delay
-        self.grid = trial.grid(options.identification_rate, latest)
-        self.course = make_course(trial, self.grid, options.cycle_onsets, options.schedule)
+        self.trials = trials
+        self.grids = [trial.grid(options.identification_rate, latest) for trial in trials]
+        self.course = make_course(trials, self.grids, options.cycle_onsets, options.schedule)
         self.bases = Bases(options, self.course)
-        self.transform = PaddedTransform(self.grid.samples, trial.rate / self.grid.factor)
+        sizes = [grid.samples for grid in self.grids]
+        self.transform = PaddedTransform(sizes, trials[0].rate / self.grids[0].factor)
         self.noise = NoiseModel(self.course, self.transform, options.weighting)
         self.smooth_part = SmoothPart.of(self.course, self.transform)
         self.repeated: CycleMean | SmoothPart = self.smooth_part
         if self.course.equal_cycles:
-            self.repeated = CycleMean(self.course.rows, self.course.equal_cycles)
+            self.repeated = CycleMean.of(self.course)
         self._unweighted = self.whitener(
             lambda spectra: self.transform.signals(spectra)[..., self.course.rows]
         )
-        torque = trial.channel("torque", self.grid)
-        self.torque = self.spectra(torque - torque.mean())
-        slow = self.smooth_part.part(trial.motion(self.grid)[0])
-        motion = measure_motion(trial, self.grid, slow)
+        torques = [torque - torque.mean() for torque in self._channels("torque")]
+        self.torque = self.spectra(np.concatenate(torques))
+        slow = self.smooth_part.part(join_positions(trials, self.grids))
+        motion = measure_motion(trials, self.grids, slow)
         self.measured = self._make_inputs(motion)
         self.predicted = self.measured
         if options.reference != "position":
-            reference = self.smooth_part.deviation(trial.channel(options.reference, self.grid))
-            predicted = predict_motion(motion, slow, reference, self.transform, self.grid.factor)
+            reference = self.find_reference()
+            factor = self.grids[0].factor
+            predicted = predict_motion(motion, slow, reference, self.transform, factor)
             self.predicted = self._make_inputs(predicted)
+
+    def _channels(self, name: str) -> list[np.ndarray]:
+        """A variable of each trial, decimated."""
+        pairs = zip(self.trials, self.grids, strict=True)
+        return [trial.channel(name, grid) for trial, grid in pairs]
+
+    def find_reference(self) -> np.ndarray:
+        """Reference less what of it repeats or changes slowly, shape (N,)."""
+        channels = self._channels(self.options.reference)
+        return self.smooth_part.deviation(np.concatenate(channels))
 
     @property
     def open_loop(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,17 +28,34 @@ class Motion:
     rectify: Callable[[float], np.ndarray]  # rectified velocity, shape (N,), by its delay [s]
 
 
-def measure_motion(trial: PreparedTrial, grid: Grid, slow: np.ndarray) -> Motion:
-    """The measured motion of a trial.
+def join_positions(trials: Sequence[PreparedTrial], grids: Sequence[Grid]) -> np.ndarray:
+    """Positions of trials, one after the other; of several, each less its mean."""
+    positions = [trial.motion(grid)[0] for trial, grid in zip(trials, grids, strict=True)]
+    if len(positions) == 1:
+        return positions[0]
+    return np.concatenate([position - position.mean() for position in positions])
+
+
+def measure_motion(
+    trials: Sequence[PreparedTrial], grids: Sequence[Grid], slow: np.ndarray
+) -> Motion:
+    """The measured motion of trials.
 
     Shapes: slow (N,): slow part of the position.
     """
-    position, velocity, acceleration = trial.motion(grid)
+    pairs = list(zip(trials, grids, strict=True))
+    motions = [trial.motion(grid) for trial, grid in pairs]
+
+    def rectify(delay: float) -> np.ndarray:
+        """It is rectified at the recording rate."""
+        parts = [decimate(np.maximum(0.0, part.velocity(delay)), *grid) for part, grid in pairs]
+        return np.concatenate(parts)
+
     return Motion(
-        position=position - slow,
-        velocity=velocity,
-        acceleration=acceleration,
-        rectify=lambda delay: decimate(np.maximum(0.0, trial.velocity(delay)), *grid),
+        position=join_positions(trials, grids) - slow,
+        velocity=np.concatenate([motion[1] for motion in motions]),
+        acceleration=np.concatenate([motion[2] for motion in motions]),
+        rectify=rectify,
     )
 
 
@@ -54,10 +71,16 @@ def predict_motion(
     Shapes: slow (N,): slow part of the position; reference (N,): less its own.
     """
     rate = transform.rate
+    references = transform.split(reference)
     taps = fit_finite_response(
-        measured.position, reference, rate, leads=REFERENCE_LEADS, lags=REFERENCE_LAGS
+        transform.split(measured.position),
+        references,
+        rate,
+        leads=REFERENCE_LEADS,
+        lags=REFERENCE_LAGS,
     )
-    perturbation = apply_response(taps, reference, leads=round(REFERENCE_LEADS * rate))
+    leads = round(REFERENCE_LEADS * rate)
+    perturbation = np.concatenate([apply_response(taps, part, leads) for part in references])
     velocity = transform.s * transform.spectra(slow - slow.mean() + perturbation)
     # Beyond the pass band of the decimation a derivative would only amplify.
     velocity[transform.frequency > 0.5 * (PASSBAND + 0.5) * rate] = 0.0
@@ -68,9 +91,9 @@ def predict_motion(
         recorded = irfft(delayed, factor * transform.size) * factor
         rectified = np.maximum(0.0, recorded)
         margin = decimation_margin(factor)
-        end = factor * transform.samples + margin
+        end = factor * transform.length + margin
         extended = np.concatenate([rectified[-margin:], rectified[:end]])
-        return decimate(extended, factor, margin, transform.samples)
+        return decimate(extended, factor, margin, transform.length)[transform.places]
 
     return Motion(
         position=perturbation,

@@ -19,9 +19,10 @@ class RivTvOptions(RefinedOptions, RectifierOptions):
     delay: float | None = option(
         NOMINAL_DELAY, "reflex delay; null estimates it", unit="s", ge=0, le=1
     )
-    cycle_onsets: tuple[float, ...] | str | None = option(
+    cycle_onsets: tuple[float, ...] | tuple[tuple[float, ...], ...] | str | None = option(
         None,
-        "start of every cycle, and end of the last one; or the variable that holds the phase, 0 to 1",
+        "start of every cycle, and end of the last one; or the variable that holds the phase, 0 to 1; of merged "
+        "trials a sequence for each",
         unit="s",
     )
     schedule: str | None = option(
@@ -63,7 +64,9 @@ class RivTvOptions(RefinedOptions, RectifierOptions):
         if hasattr(values, "__array__"):
             values = np.asarray(values)
         if isinstance(values, (list, tuple, np.ndarray)):
-            return tuple(map(as_plain, values))
+            return tuple(
+                cls._as_tuple(part) if np.ndim(part) else as_plain(part) for part in values
+            )
         return values
 
     @model_validator(mode="after")

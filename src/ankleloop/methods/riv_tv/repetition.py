@@ -17,29 +17,39 @@ EVERY = slice(0, None)  # sample of a signal
 DEPENDENT_DIRECTIONS = 1e-12  # of the largest eigenvalue
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CycleMean:
     """Mean over cycles of equal length."""
 
-    rows: slice  # samples of whole cycles
+    rows: slice | np.ndarray  # samples of whole cycles
     length: int  # samples of a cycle
+    since: np.ndarray  # shape (N,): samples since the onset of a cycle
+
+    @classmethod
+    def of(cls, course: Course) -> Self:
+        """That of a record; cycles go on before and after those that count."""
+        length = course.equal_cycles
+        since = []
+        for part in course.parts:
+            first = part.row_numbers[0]
+            since.append((np.arange(part.place.size) - first) % length)
+        return cls(course.rows, length, np.concatenate(since))
 
     def deviation(self, signals: np.ndarray) -> np.ndarray:
         """All samples of signals less their mean over the cycles, shape (..., N)."""
         cycles = signals[..., self.rows].reshape(*signals.shape[:-1], -1, self.length)
-        since_onset = (np.arange(signals.shape[-1]) - self.rows.start) % self.length
-        return signals - cycles.mean(axis=-2)[..., since_onset]
+        return signals - cycles.mean(axis=-2)[..., self.since]
 
     def weighted(self, weighting: Weighting) -> CycleMean:
         """What repeats of weighted signals, which are of whole cycles alone: weights repeat, too."""
-        return CycleMean(EVERY, self.length)
+        return CycleMean(EVERY, self.length, self.since[self.rows])
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothPart:
     """Part of signals that is a smooth function of the place, over a cycle, a schedule or time."""
 
-    rows: slice  # samples that count
+    rows: slice | np.ndarray  # samples that count
     directions: np.ndarray  # shape (directions, N)
     fit: np.ndarray  # shape (rows, directions): the matrix that fits them to the samples that count
     transform: PaddedTransform

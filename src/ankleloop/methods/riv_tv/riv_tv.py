@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ankleloop.checks.course import check_slow_movement, refuse_locked_perturbation
+from ankleloop.checks.findings import name_trial
 from ankleloop.joint.bases import RectifierBasis
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.time_varying_course import trajectory_dataset
+from ankleloop.joint.regressors import merge_torques
+from ankleloop.joint.time_varying_course import FEWEST_CYCLES, trajectory_dataset
 from ankleloop.methods.method import POSITION, Method, Offer, Validity
 from ankleloop.methods.riv.alternatives import (
     Alternative,
@@ -30,7 +32,7 @@ FEW_CYCLES = 20  # below which bands are too narrow
 WEAK = 10.0  # F statistic of weak instruments (Staiger and Stock 1997)
 
 
-def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
+def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> Estimate:
     r"""Estimate K, B and G as functions of phase, time or a scheduling variable, consistent in closed loop.
 
     The model is
@@ -42,10 +44,12 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     their roughness whose weights restricted likelihood chooses. The instruments are the same regressors made of the
     position that movement and reference explain. What repeats with the cycle is taken out of torque, regressors and
     instruments. Frequencies are weighted by the inverse of the noise spectrum, and places by that of its level.
+    Several trials are cycles, or movements, of one joint: their courses, their mean and their noise are common to them.
 
     Parameters
     ----------
-    trial : PreparedTrial
+    trials : sequence of PreparedTrial
+        One trial, or several of one joint in one condition.
     options : RivTvOptions
 
     Returns
@@ -73,36 +77,37 @@ def identify_riv_tv(trial: PreparedTrial, options: RivTvOptions) -> Estimate:
     >>> bool(abs(float(estimate.trajectories["K"].sel(phase=0.5)) - 210.0) < 30.0)
     True
     """
-    solution = _solve(trial, options)
-    estimate = _estimate(trial, solution, options)
+    solution = _solve(trials, options)
+    estimate = _estimate(trials, solution, options)
     if not solution.converged:
         return estimate
-    return with_alternatives(estimate, _list_alternatives(trial, solution, options), trial)
+    alternatives = _list_alternatives(trials, solution, options)
+    return with_alternatives(estimate, alternatives, trials[0])
 
 
-def _solve(trial: PreparedTrial, options: RivTvOptions) -> TimeVaryingSolution:
-    """Solution of the equations of a trial, whose perturbation must not repeat with the cycle."""
-    trial.check_variable(options.reference)
-    equations = TimeVaryingEquations(trial, options)
+def _solve(trials: Sequence[PreparedTrial], options: RivTvOptions) -> TimeVaryingSolution:
+    """Solution of the equations of trials, whose perturbation must not repeat with the cycle."""
+    for trial in trials:
+        trial.check_variable(options.reference)
+    equations = TimeVaryingEquations(trials, options)
     if equations.course.periodic:
-        smooth_part = equations.smooth_part
         refuse_locked_perturbation(
-            smooth_part.deviation(trial.channel(options.reference, equations.grid)),
+            equations.find_reference(),
             equations.course,
-            smooth_part.part,
+            equations.smooth_part.part,
             options.reference,
         )
     return solve_time_varying(equations)
 
 
 def _list_alternatives(
-    trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions
+    trials: Sequence[PreparedTrial], solution: TimeVaryingSolution, options: RivTvOptions
 ) -> list[Alternative]:
     """What the model may lack; one step is too short for a delay, so the equations are solved for it."""
     alternatives = []
     for alternative in find_alternatives(solution):
         if alternative.effect == "delay" and alternative.significant:
-            freed = _solve(trial, options.model_copy(update={"delay": None}))
+            freed = _solve(trials, options.model_copy(update={"delay": None}))
             shifts = compute_shifts(solution.means, freed.means)
             alternative = replace(alternative, value=freed.delay, shifts=shifts)
         alternatives.append(alternative)
@@ -110,7 +115,7 @@ def _list_alternatives(
 
 
 def _estimate(
-    trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions
+    trials: Sequence[PreparedTrial], solution: TimeVaryingSolution, options: RivTvOptions
 ) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
     equations = solution.equations
@@ -118,7 +123,9 @@ def _estimate(
     places = np.linspace(0.0, 1.0, PLACES)
     coordinate = np.linspace(*course.limits, PLACES)
     curves, excitations = solution.find_trajectories(places)
-    model = _make_model(trial, solution, options)
+    model = _make_model(trials, solution, options)
+    parts = zip(trials, equations.grids, course.parts, strict=True)
+    torques = [model.torques(trial, grid, part.place) for trial, grid, part in parts]
     means = solution.means
     reflex = {"delay": solution.delay, "G": means.pop("G"), **solution.parameters.dynamics.values}
     values = {**means, **reflex}
@@ -126,11 +133,11 @@ def _estimate(
     _, intervals = estimate_intervals(values, deviations, solution.quantile)
     schedule = {}
     if options.schedule:
-        unit = str(trial.trial[options.schedule].attrs.get("units", ""))
+        unit = str(trials[0].trial[options.schedule].attrs.get("units", ""))
         schedule = {"variable": options.schedule, "variable_unit": unit}
     return Estimate(
         method="riv-tv",
-        torque=model.torques(trial, equations.grid, course.place),
+        torque=merge_torques(torques),
         stiffness=means,
         reflex=reflex,
         intervals=intervals,
@@ -143,7 +150,7 @@ def _estimate(
             "excitation": excitations,
             "torque_lag": solution.parameters.lag,
             "reference": options.reference,
-            "warnings": _warnings(trial, solution, coordinate, curves),
+            "warnings": _warnings(trials, solution, coordinate, curves),
         },
         predictor=model,
         trajectories=trajectory_dataset(course.dimension, coordinate, curves, **schedule),
@@ -151,19 +158,20 @@ def _estimate(
 
 
 def _make_model(
-    trial: PreparedTrial, solution: TimeVaryingSolution, options: RivTvOptions
+    trials: Sequence[PreparedTrial], solution: TimeVaryingSolution, options: RivTvOptions
 ) -> TimeVaryingModel:
     """The solution as a model that predicts."""
     equations = solution.equations
     bases = equations.bases
     parameters = solution.parameters
-    basis = RectifierBasis.fit(trial.velocity(solution.delay), degree=1)
+    velocities = [trial.velocity(solution.delay) for trial in trials]
+    basis = RectifierBasis.fit(np.concatenate(velocities), degree=1)
     variable = options.schedule
     if isinstance(options.cycle_onsets, str):
         variable = options.cycle_onsets
     coefficients = {name: parameters.linear[block] for name, block in bases.blocks.items()}
     return TimeVaryingModel(
-        inputs=ModelInputs(basis, solution.delay, equations.transform.rate, trial.rate),
+        inputs=ModelInputs(basis, solution.delay, equations.transform.rate, trials[0].rate),
         dimension=equations.course.dimension,
         variable=variable,
         limits=np.array(equations.course.limits),
@@ -179,7 +187,7 @@ def _make_model(
 
 
 def _warnings(
-    trial: PreparedTrial,
+    trials: Sequence[PreparedTrial],
     solution: TimeVaryingSolution,
     coordinate: np.ndarray,
     curves: Mapping[str, np.ndarray],
@@ -187,13 +195,15 @@ def _warnings(
     """What the record does not show, or the search did not reach."""
     equations = solution.equations
     course = equations.course
-    findings = check_slow_movement(
-        trial.motion(equations.grid)[0],
-        course,
-        equations.transform.rate,
-        equations.options.schedule,
-    )
-    warnings = [finding.text for finding in findings if finding.verdict != "ok"]
+    warnings = []
+    parts = zip(trials, equations.grids, course.parts, strict=True)
+    for number, (trial, grid, part) in enumerate(parts, 1):
+        if part.segments >= FEWEST_CYCLES:
+            findings = check_slow_movement(
+                trial.motion(grid)[0], part, equations.transform.rate, equations.options.schedule
+            )
+            place = name_trial(number, len(trials))
+            warnings += [f"{place}{f.text}" for f in findings if f.verdict != "ok"]
     if course.periodic and course.segments < FEW_CYCLES:
         warnings.append(
             f"{course.segments} cycles are few: the bands are too narrow below about {FEW_CYCLES}."
@@ -225,6 +235,7 @@ METHODS = (
         "riv-tv",
         RivTvOptions,
         identify_riv_tv,
+        merges=True,
         validity=Validity(closed={}, without_reference=POSITION),
         offer=Offer(
             "Joint that changes (riv-tv)",

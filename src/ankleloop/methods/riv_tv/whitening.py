@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy import linalg
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.joint.time_varying_course import Course, Splines
-from ankleloop.signals.spectra import pass_band
+from ankleloop.signals.spectra import pass_bands
 
 PADDING = 1.0  # s of zeros behind a record, in which responses end
 NOISE_RESOLUTION = 0.4  # Hz over which the spectrum of the noise is smoothed
@@ -21,22 +21,39 @@ POWER_FLOOR = 1e-10  # of the largest power of the noise
 
 
 class PaddedTransform:
-    """Fourier transform of decimated records, with zeros behind them."""
+    """Fourier transform of decimated records, one after the other, with zeros behind each of them."""
 
-    def __init__(self, samples: int, rate: float) -> None:
-        self.samples = samples
+    def __init__(self, sizes: Sequence[int], rate: float) -> None:
+        padding = round(PADDING * rate)
+        self.sizes = sizes  # samples of each record
+        self.samples = sum(sizes)
         self.rate = rate  # of the samples [Hz]
-        self.size = int(next_fast_len(samples + round(PADDING * rate), real=True))
+        self.length = self.samples + padding * (len(sizes) - 1)  # from the first sample to the last
+        self.size = int(next_fast_len(self.length + padding, real=True))
         self.frequency = np.fft.rfftfreq(self.size, 1.0 / rate)  # [Hz], shape (frequencies,)
         self.s = 2j * np.pi * self.frequency  # Laplace variable [rad/s]
+        # Where the samples stand among the zeros.
+        self.places: slice | np.ndarray = slice(self.samples)
+        if len(sizes) > 1:
+            self.places = np.arange(self.samples) + padding * np.repeat(
+                np.arange(len(sizes)), sizes
+            )
 
     def spectra(self, signals: np.ndarray) -> np.ndarray:
         """Transforms of signals, shape (..., frequencies)."""
-        return rfft(signals, self.size)
+        if len(self.sizes) == 1:
+            return rfft(signals, self.size)
+        padded = np.zeros((*signals.shape[:-1], self.length))
+        padded[..., self.places] = signals
+        return rfft(padded, self.size)
 
     def signals(self, spectra: np.ndarray) -> np.ndarray:
         """Signals of transforms, shape (..., samples)."""
-        return irfft(spectra, self.size)[..., : self.samples]
+        return irfft(spectra, self.size)[..., self.places]
+
+    def split(self, signal: np.ndarray) -> list[np.ndarray]:
+        """The part of a signal in each record."""
+        return np.split(signal, np.cumsum(self.sizes)[:-1])
 
 
 # Makes signals of spectra, of the samples that count alone: shape (..., rows).
@@ -53,11 +70,12 @@ class NoiseModel:
         self.transform = transform
         self.rows = rows
         self.weighting = weighting  # "noise" or "flat"
-        self.band = pass_band(samples, transform.rate)
+        self.band = pass_bands([part.segment.size for part in course.parts], transform.rate)
         self.resolution = max(NOISE_RESOLUTION, FEWEST_BINS * transform.rate / samples)  # [Hz]
         # Variance of the smoothed spectrum over its square.
         self.spectrum_variance = self.band.smoothing_variance(self.resolution)
-        self.inside = (frequency >= self.band.lowest) & (frequency <= self.band.highest)
+        edges = self.band.longest
+        self.inside = (frequency >= edges.lowest) & (frequency <= edges.highest)
         # So many independent values a whitened sample has.
         self.share = float(np.mean(self.inside))
         # Splines of the level over the place, and the matrix that fits them.
@@ -70,10 +88,15 @@ class NoiseModel:
         return 0.0 if self.weighting == "flat" else self.spectrum_variance
 
     def spectrum(self, noise: np.ndarray) -> np.ndarray:
-        """Smoothed spectrum of the noise at the frequencies of the band [(N·m)²], white noise having its variance."""
+        """Smoothed spectrum of the noise at `frequency` [(N·m)²], white noise having its variance."""
         periodogram = np.abs(self.band.transform(noise)) ** 2
-        power = self.band.smooth(periodogram, self.resolution) / np.sum(self.band.taper**2)
+        power = 0.5 * self.transform.rate * self.band.average(periodogram, self.resolution)
         return np.maximum(power, POWER_FLOOR * power.max())
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """Frequencies of the spectrum of the noise [Hz]."""
+        return self.band.longest.frequency
 
     def whiten(self, noise: np.ndarray) -> Weighting:
         """Weights that make noise white: the inverse of its spectrum, and of its level as a function of the place.
@@ -83,7 +106,7 @@ class NoiseModel:
         spectrum = self.spectrum(noise)
         if self.weighting == "flat":
             return self.weigh(spectrum.mean())
-        power = np.interp(self.transform.frequency, self.band.frequency, spectrum)
+        power = np.interp(self.transform.frequency, self.frequency, spectrum)
         stationary = self.weigh(power)
         padded = np.zeros(self.transform.samples)
         padded[self.rows] = noise
@@ -107,5 +130,5 @@ class NoiseModel:
         spectrum = self.spectrum(residual)
         frequency = np.fft.rfftfreq(residual.size, 1.0 / self.transform.rate)
         relative = spectrum / spectrum.mean()
-        power = np.interp(frequency, self.band.frequency, relative, left=0.0, right=0.0)
+        power = np.interp(frequency, self.frequency, relative, left=0.0, right=0.0)
         return irfft(np.sqrt(power) * rfft(signals), residual.size)
