@@ -30,7 +30,7 @@ FIELDS = [
     for name in model.model_fields
     if name not in ("names", "variables")  # texts in a tuple or in pairs
 ]
-WRONG = [b"1", math.nan, math.inf, -math.inf, 1j, {}, object(), 10**400, np.array([[0.1, 0.2]])]
+WRONG = [b"1", math.nan, math.inf, -math.inf, 1j, {}, object(), 10**400, np.array([[[0.1, 0.2]]])]
 TEXTS = ["", "no", "1"]
 
 

@@ -9,21 +9,21 @@ from math import sqrt
 import numpy as np
 
 from ankleloop.checks.findings import Finding, merge_findings
-from ankleloop.checks.movement import check_reference, motion_products, regress_torque
+from ankleloop.checks.movement import check_reference
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Grid, Regressors
-from ankleloop.signals.decimation import decimate
 from ankleloop.signals.least_squares import solve_scaled
 from ankleloop.signals.responses import lag_matrix
 
 EXCHANGE_RATE = (
     100.0  # Hz, about: at it an actuator of 5 … 60 Hz makes the position late enough to be seen
 )
-# Correlation that no position has that follows its command, not even behind an ideal actuator.
-AHEAD = 0.15
-# Standard deviations of the correlation of unrelated signals.
-CHANCE_DEVIATIONS, CERTAIN_DEVIATIONS = 2.0, 4.0
+CHANCE_DEVIATIONS = 2.0  # of the correlation of unrelated signals
+COMMAND_LEADS, COMMAND_LAGS = 0.05, 0.4  # s, of a command that may explain the velocity
+# Of what the lags of a command leave: leads explain less of it, those of a channel that follows explain more.
+LEAD_SHARE = 0.1
+COMMAND_RIDGE = 1e-4  # of the power of a lag
 FILTER_LEADS, FILTER_LAGS = 0.1, 0.2  # s, of the torque or position that may explain the reference
 FILTER_ROWS = 10  # for each lead or lag: a filter is one in any part of the record
 FILTER_RIDGE = (
@@ -62,9 +62,8 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
 
     The actuator and the load are causal: what they do to the command comes later. The sum over the cross spectrum,
     weighted by the cube of the frequency, has the sign of that lag: it is the product of the rate of the reference and
-    of the acceleration. A load that is compliant at low frequencies makes the position lead there, so the sum alone
-    decides only where it is large. Where it is small the torque decides as well: it responds to the position, so the
-    position, its velocity and its acceleration explain more of it than the reference and its derivatives.
+    of the acceleration. A load that is compliant at low frequencies makes the position lead there, and the sum
+    negative. So the velocity decides: leads of a command explain nothing of it that its lags do not.
 
     Behind an actuator that is faster than the record shows (200 Hz and more) there is no lag, and nothing is said.
     """
@@ -78,10 +77,7 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     correlation = (rate @ acceleration) / sqrt(energy) if energy > 0.0 else 0.0
     if correlation > -CHANCE_DEVIATIONS * deviation:
         return ok
-    limit = max(AHEAD, CERTAIN_DEVIATIONS * deviation)
-    if _explains_more_torque(trial, name, grid):
-        limit = CHANCE_DEVIATIONS * deviation
-    if correlation > -limit:
+    if not _needs_leads(reference, trial.motion(grid)[1], trial.rate / grid.factor):
         return ok
     text = (
         f"the position is ahead of {name} (correlation of its acceleration with the rate of {name}: "
@@ -91,14 +87,26 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     return Finding("reference", "warning", text)
 
 
-def _explains_more_torque(trial: PreparedTrial, name: str, grid: Grid) -> bool:
-    """Whether the reference and its derivatives explain more of the torque than the position and its derivatives."""
-    samples = trial.samples[name]
-    derivatives = [
-        decimate(samples, *grid, rate=trial.rate, derivative=order) for order in range(3)
-    ]
-    by_reference = regress_torque([*derivatives, trial.channel("torque", grid)], grid)
-    return by_reference.explained > motion_products(trial, grid).explained
+def _needs_leads(reference: np.ndarray, velocity: np.ndarray, rate: float) -> bool:
+    """Whether leads of a reference explain a part of the velocity that its lags leave.
+
+    Shapes: reference, velocity (N,).
+    """
+    leads = round(COMMAND_LEADS * rate)
+    lags = round(COMMAND_LAGS * rate)
+    columns = lag_matrix(reference - reference.mean(), leads, lags)
+    columns = columns - columns.mean(axis=0)
+    target = velocity[lags : velocity.size - leads]
+    normal = columns.T @ columns
+    normal += COMMAND_RIDGE * normal[0, 0] * np.eye(len(normal))
+    right = columns.T @ (target - target.mean())
+    rests = []
+    for kept in (slice(leads, None), slice(None)):
+        taps = np.linalg.solve(normal[kept, kept], right[kept])
+        residual = target - columns[:, kept] @ taps
+        rests.append(np.var(residual))
+    by_lags, by_both = rests
+    return bool(by_lags - by_both > LEAD_SHARE * by_both)
 
 
 @once

@@ -83,6 +83,10 @@ class Band:
         transform[..., self.bins] = spectra
         return np.fft.irfft(transform, self.samples, axis=-1)
 
+    def centre(self, x: np.ndarray) -> np.ndarray:
+        """A signal less its mean, shape (samples,)."""
+        return x - x.mean()
+
     def contributions(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """What each time contributes to the products of spectra, of which the sum over frequencies has the real part.
 
@@ -165,6 +169,11 @@ class Bands:
         """Signals of transforms that are zero beyond the band, shape (..., samples)."""
         pairs = self._split_spectra(spectra)
         return np.concatenate([part.signals(values) for part, values in pairs], axis=-1)
+
+    def centre(self, x: np.ndarray) -> np.ndarray:
+        """A signal less its mean in each record, shape (samples,)."""
+        pairs = self._split(x, [part.samples for part in self.parts])
+        return np.concatenate([part.centre(values) for part, values in pairs])
 
     def contributions(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """What each time contributes to the products of spectra, shape (..., samples)."""

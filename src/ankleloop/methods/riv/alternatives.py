@@ -5,68 +5,30 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import special
 
 from ankleloop.checks.movement import turned_signs
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
+from ankleloop.methods.riv.effects import EFFECTS, Channels, Effect
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES, STIFFNESS
-from ankleloop.signals.least_squares import invert_scaled
+from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 
 SIGNIFICANT = 4.5  # standard errors
+CERTAIN = 6.0  # standard errors
 SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
 LARGEST_SHIFT = 0.2  # of a parameter: more is no matter of its interval
-EFFECT_ROUNDS = 3  # fits of an effect
+CERTAIN_SHIFT = 0.1  # the same, where the score is beyond doubt
+SMALLEST_PROBABILITY = 1e-300
 # s, of a stretch reflex; somewhat longer ones are warned about
 STRETCH_DELAY = (QUANTITIES["delay"].plausible[0], 0.1)
 START_POLE = 100.0  # rad/s, where the search for a third one begins
-
-
-@dataclass(frozen=True)
-class Effect:
-    """An effect of an instrument or of the joint, in words."""
-
-    text: str  # what it is called with its size
-    advice: str  # what to do
-    factor: float = 1.0  # from its size to the unit of the text
-    one_sided: bool = False  # the opposite is no effect of an instrument
-
-
-EFFECTS = {
-    "delay": Effect(
-        "a reflex delay of {size:.3g} ms", "give no delay, so that it is estimated", factor=1e3
-    ),
-    "pole": Effect("a third pole of the reflex at {size:.3g} rad/s", "take order=3"),
-    "torque_lag": Effect(
-        "a torque recorded {length:.2g} ms {order} the position",
-        "record both through equal filters",
-        factor=1e3,
-    ),
-    "high-pass": Effect(
-        "a high-pass of {size:.2g} Hz in the torque",
-        "record without AC coupling or removal of drift",
-        factor=0.5 / np.pi,
-        one_sided=True,
-    ),
-    "friction": Effect(
-        "a friction of {size:.2g} N·m",
-        "measure the friction of the bearing, and subtract it",
-        one_sided=True,
-    ),
-    "direction": Effect(
-        "a reflex gain of {size:.3g} N·m·s/rad in the other direction",
-        "if the axis is turned round, give position_sign={position_sign}, torque_sign={torque_sign} to read_trial",
-    ),
-    "compression": Effect(
-        "a torque that is flat where it is large",
-        "widen the range of the torque sensor",
-        one_sided=True,
-    ),
-}
 
 
 @dataclass(frozen=True)
@@ -74,17 +36,14 @@ class Alternative:
     """The solution with one more effect."""
 
     effect: str  # name of the effect
-    value: float  # its size
+    size: Any  # of the effect: a number, or an array with one for each part of it
     score: float  # size over its standard error
     shifts: dict[str, float]  # how far K, B, I and G move with it, over what they are without it
 
     @property
     def text(self) -> str:
         """The effect in words."""
-        effect = EFFECTS[self.effect]
-        size = effect.factor * self.value
-        order = "after" if size > 0.0 else "before"
-        return effect.text.format(size=size, length=abs(size), order=order)
+        return EFFECTS[self.effect].describe(self.size)
 
     @property
     def significant(self) -> bool:
@@ -99,10 +58,15 @@ class Alternative:
 
     @property
     def doubtful(self) -> bool:
-        """Whether it moves a parameter by a fifth, or is the delay of no stretch reflex, so that there is a warning."""
+        """Whether it moves a parameter by much, or is the delay of no stretch reflex, so that there is a warning."""
         shortest, longest = QUANTITIES["delay"].plausible
-        other_delay = self.effect == "delay" and not shortest < self.value < longest
-        return other_delay or self.largest_shift > LARGEST_SHIFT
+        other_delay = self.effect == "delay" and not shortest < self.size < longest
+        return other_delay or is_large(self.score, self.largest_shift)
+
+
+def is_large(score: float, shift: float) -> bool:
+    """Whether a shift of a parameter is a warning: one by a tenth where its score is beyond doubt, else by a fifth."""
+    return shift > (CERTAIN_SHIFT if abs(score) > CERTAIN else LARGEST_SHIFT)
 
 
 def with_alternatives(
@@ -169,10 +133,12 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     with the effect as a further unknown.
     """
     parameters = solution.point.parameters
-    effects = ["torque_lag", "high-pass", "friction", "compression"]
-    if parameters.linear.size == MOTION + 1:  # other bases answer both directions
-        effects.append("direction")
-    alternatives = [_free_effect(effect, solution) for effect in effects]
+    effects = [name for name, effect in EFFECTS.items() if effect.differentiate is not None]
+    if parameters.linear.size > MOTION + 1:  # other bases answer both directions
+        effects.remove("direction")
+    if solution.equations.open_loop:
+        effects.remove("crosstalk")
+    alternatives = [_free_effect(name, solution) for name in effects]
     if "delay" in parameters.delays or solution.point.movement_p >= INCOMPLETE:
         return alternatives
     starts = {"delay": replace(parameters, delays=("delay",))}
@@ -184,63 +150,97 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     return alternatives
 
 
-def _free_effect(effect: str, solution: Search) -> Alternative:
+def _free_effect(name: str, solution: Search) -> Alternative:
     """The solution with an effect, by steps of its size; without shifts if it is not significant."""
+    effect = EFFECTS[name]
     origin = solution.equations
-    step, error = _step(solution, *_differentiate(effect, solution.point, origin))
-    alternative = Alternative(effect, step, step / error, {})
+    step = _find_step(effect, solution, origin)
+    alternative = Alternative(name, 0.0, normal_score(step.sizes, step.covariance), {})
     if not alternative.significant:
         return alternative
-    size = 0.0
+    sizes = np.zeros(step.sizes.size)
     freed = solution
-    # A cube is but the direction of a saturation.
-    for _ in range(1 if effect == "compression" else EFFECT_ROUNDS):
-        derivatives = _differentiate(effect, freed.point, origin)
-        size += _step(freed, *derivatives)[0]
+    for _ in range(effect.rounds):
+        step = _find_step(effect, freed, origin)
+        sizes += step.sizes
         equations = copy(origin)
-        equations.torque = origin.torque - size * derivatives[0]
-        if effect == "torque_lag":
-            equations.torque = origin.torque * np.exp(origin.band.s * size)
+        equations.torque = origin.torque - sizes @ step.regressors
+        if name == "torque_lag":
+            equations.torque = origin.torque * np.exp(origin.band.s * sizes)
         freed = solve(equations, freed.point.parameters)
-    shifts = compute_shifts(solution.point.values, freed.point.values)
-    return replace(alternative, value=size, shifts=shifts)
+    return replace(
+        alternative,
+        size=sizes if sizes.size > 1 else sizes.item(),
+        shifts=compute_shifts(solution.point.values, freed.point.values),
+    )
 
 
-def _differentiate(effect: str, point: Point, origin: Equations) -> np.ndarray:
-    """Derivatives of the torque with respect to the size of an effect, by the measured and by the predicted inputs.
+def normal_score(sizes: np.ndarray, covariance: np.ndarray) -> float:
+    """A size over its standard error; of several sizes the normal score of the probability of their χ².
 
-    Shapes: returns (2, F).
+    Shapes: sizes (q,), covariance (q, q).
+    """
+    if sizes.size == 1:
+        return float(sizes.item() / np.sqrt(covariance.item()))
+    square = float(sizes @ solve_scaled(covariance, sizes))
+    probability = special.chdtrc(sizes.size, square)
+    if probability < SMALLEST_PROBABILITY:
+        return float(np.sqrt(square))
+    return float(-special.ndtri(0.5 * probability))
+
+
+class Step(NamedTuple):
+    """Step of the sizes of an effect that solves the equations with it."""
+
+    sizes: np.ndarray  # shape (q,)
+    covariance: np.ndarray  # shape (q, q)
+    regressors: np.ndarray  # shape (q, F): derivatives of the torque with respect to the sizes
+
+
+def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Channels:
+    """Signals that effects are made of, with the torque that the instruments give.
+
+    Shapes: inputs (3 + k, samples), spectra (3 + k, frequencies).
     """
     equations = point.equations
-    band = origin.band
+    band = equations.band
     linear = point.parameters.linear
-    predicted_torque = linear @ point.instruments[: linear.size]
-    if effect == "torque_lag":
-        return -band.s * np.stack([equations.torque, predicted_torque])
-    if effect == "high-pass":
-        return -np.stack([origin.torque, predicted_torque]) / band.s
-    if effect == "compression":
-        torques = np.stack([origin.recorded_torque, band.signals(predicted_torque)])
-        return -band.transform(torques**2 * torques)
-    if effect == "friction":
-        velocities = [origin.inputs[1], origin.predicted_inputs[1]]
-        return band.transform(np.sign(velocities))
-    velocities, drives = np.stack([origin.measured, origin.predicted], axis=1)[[1, MOTION]]
-    late = np.exp(-band.s * origin.delay)
-    return point.parameters.responses(band.s)[0] * (drives - late * velocities)
+    torque = linear @ point.instruments[: linear.size]
+    return Channels(
+        position=band.centre(inputs[0]),
+        velocity=inputs[1],
+        torque=torque,
+        recorded=torque,
+        rectified=spectra[MOTION],
+        reference=equations.reference,
+        response=point.parameters.responses(band.s)[0],
+        delay=equations.delay,
+        s=band.s,
+        transform=band.transform,
+        signals=band.signals,
+    )
 
 
-def _step(solution: Search, regressor: np.ndarray, instrument: np.ndarray) -> tuple[float, float]:
-    """Step of the size of an effect that solves the equations with it, and the standard error of the size."""
+def _find_step(effect: Effect, solution: Search, origin: Equations) -> Step:
+    """Step of the sizes of an effect from a solution, whose torque may be less the effect so far."""
     point = solution.point
     free = solution.free
-    weighted = np.vstack([point.weighted[free], instrument.conj() / point.level])
-    regressors = np.vstack([point.regressors[free], regressor])
-    inverse = invert_scaled(np.real(weighted @ regressors.T))
-    last = inverse[-1]
-    step = last @ np.real(weighted @ point.residual)
-    variance = last @ point.scatter_of(weighted) @ last
-    return float(step), float(np.sqrt(variance))
+    predicted = _make_channels(point, origin.predicted_inputs, origin.predicted)
+    measured = replace(
+        _make_channels(point, origin.inputs, origin.measured),
+        torque=point.equations.torque,
+        recorded=origin.torque,
+    )
+    regressors = effect.rows(measured)
+    instruments = effect.rows(predicted)
+    weighted = np.vstack([point.weighted[free], instruments.conj() / point.level])
+    inverse = invert_scaled(np.real(weighted @ np.vstack([point.regressors[free], regressors]).T))
+    rows = inverse[free.size :]
+    return Step(
+        sizes=rows @ np.real(weighted @ point.residual),
+        covariance=rows @ point.scatter_of(weighted) @ rows.T,
+        regressors=regressors,
+    )
 
 
 def has_stretch_delay(point: Point) -> bool:

@@ -254,8 +254,6 @@ class Equations:
         self.smoothing_variance = 0.0
         if weighting == "noise":
             self.smoothing_variance = self.band.smoothing_variance(NOISE_RESOLUTION)
-        # Shape (samples,): the torque over time, less the mean of each trial.
-        self.recorded_torque = _join([record.torque - record.torque.mean() for record in records])
         self.torque = self.band.transform(_join([record.torque for record in records]))
         # Shape (3 + k, samples): the inputs over time.
         self.inputs = _join([record.inputs.T for record in records])
@@ -263,6 +261,8 @@ class Equations:
         self.predicted_inputs = self.inputs
         self.predicted = self.measured
         self.open_loop = records[0].reference_name == "position"
+        references = [record.reference for record in records if record.reference is not None]
+        self.reference = self.band.transform(_join(references))
         if not self.open_loop:
             self.predicted_inputs = _join([part.T for part in predict_inputs(trials, records)])
             self.predicted = self.band.transform(self.predicted_inputs)

@@ -4,69 +4,92 @@ from __future__ import annotations
 
 import numpy as np
 
-from ankleloop.methods.riv.alternatives import Alternative, compute_shifts
+from ankleloop.methods.riv.alternatives import Alternative, compute_shifts, normal_score
+from ankleloop.methods.riv.effects import EFFECTS, Channels
 from ankleloop.methods.riv_tv.equations import Inputs
 from ankleloop.methods.riv_tv.solution import TimeVaryingSolution
-
-EFFECTS = ("torque_lag", "high-pass", "friction", "compression", "direction", "delay")
+from ankleloop.signals.least_squares import invert_scaled
 
 
 def find_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
     """Effects with their scores, and how far the means of K, B, I and G move with one step towards each of them."""
     equations = solution.equations
     parameters = solution.parameters
-    system = solution.system
+    effects = [name for name, effect in EFFECTS.items() if effect.differentiate is not None]
+    if equations.open_loop:
+        effects.remove("crosstalk")
+    if "torque_lag" in parameters.delays:
+        effects.remove("torque_lag")
     whitener = equations.noise_whitener(parameters)
-    scale = np.sqrt(solution.variance * (1.0 + equations.noise.weight_variance))
     predicted_torque = parameters.torque(
         equations.predicted.intrinsic, equations.predicted.drive, equations.transform.s
     )
-    sides = [
-        (equations.measured, equations.lead(parameters)),
-        (equations.predicted, predicted_torque),
-    ]
+    measured = _list_channels(solution, equations.measured, equations.lead(parameters))
+    predicted = _list_channels(solution, equations.predicted, predicted_torque)
     alternatives = []
-    for effect in EFFECTS:
-        if effect in parameters.delays:
-            continue
-        regressor, instrument = (
-            whitener(_differentiate(effect, solution, *side)) for side in sides
-        )
-        # What the instruments of the other unknowns leave of it.
-        common = (instrument @ system.regressors.T) @ solution.inverse
-        own = instrument - common @ system.instruments
-        left = own @ solution.residual
-        error = scale * np.linalg.norm(equations.noise.colour(own, solution.residual))
-        size = left / (own @ regressor)
-        step = -size * (solution.inverse @ (system.instruments @ regressor))
-        moved = parameters.linear + step[: parameters.linear.size]
-        shifts = compute_shifts(solution.means, equations.bases.means(moved))
-        alternatives.append(Alternative(effect, float(size), float(left / error), shifts))
+    for name in effects:
+        regressors = whitener(EFFECTS[name].rows(measured))
+        instruments = whitener(EFFECTS[name].rows(predicted))
+        alternatives.append(_step(name, solution, regressors, instruments))
+    if "delay" not in parameters.delays:
+        slopes = [
+            whitener(_differentiate_delay(solution, inputs)[None])
+            for inputs in (equations.measured, equations.predicted)
+        ]
+        alternatives.append(_step("delay", solution, *slopes))
     return alternatives
 
 
-def _differentiate(
-    effect: str, solution: TimeVaryingSolution, inputs: Inputs, torque: np.ndarray
-) -> np.ndarray:
-    """Transform of the derivative of the torque with respect to an effect, by inputs and the torque of them.
+def _step(
+    name: str, solution: TimeVaryingSolution, regressors: np.ndarray, instruments: np.ndarray
+) -> Alternative:
+    """A step towards an effect.
 
-    Shapes: torque (frequencies,); returns (frequencies,).
+    Shapes: regressors, instruments (sizes, rows): whitened derivatives of the torque, measured and predicted.
+    """
+    equations = solution.equations
+    system = solution.system
+    # What the instruments of the other unknowns leave of it.
+    common = (instruments @ system.regressors.T) @ solution.inverse
+    own = instruments - common @ system.instruments
+    inverse = invert_scaled(own @ regressors.T)
+    sizes = inverse @ (own @ solution.residual)
+    coloured = equations.noise.colour(own, solution.residual)
+    variance = solution.variance * (1.0 + equations.noise.weight_variance)
+    covariance = variance * inverse @ coloured @ coloured.T @ inverse.T
+    step = -solution.inverse @ (system.instruments @ (sizes @ regressors))
+    linear = solution.parameters.linear
+    shifts = compute_shifts(solution.means, equations.bases.means(linear + step[: linear.size]))
+    size = sizes if sizes.size > 1 else sizes.item()
+    return Alternative(name, size, normal_score(sizes, covariance), shifts)
+
+
+def _list_channels(solution: TimeVaryingSolution, inputs: Inputs, torque: np.ndarray) -> Channels:
+    """Signals of effects, by inputs and the torque of them.
+
+    Shapes: torque (frequencies,).
     """
     equations = solution.equations
     transform = equations.transform
-    if effect == "torque_lag":
-        return -transform.s * torque
-    if effect == "high-pass":
-        return -torque / np.where(equations.noise.inside, transform.s, 1.0)
-    if effect == "compression":
-        return -equations.spectra(transform.signals(torque) ** 3)
-    velocity = inputs.motion.velocity
-    if effect == "friction":
-        return equations.spectra(np.sign(velocity))
-    response = solution.parameters.responses(transform.s)[0]
-    if effect == "delay":
-        gain = solution.parameters.linear[equations.bases.blocks["G"]]
-        return -transform.s * response * (gain @ inputs.drive)
-    rectified = equations.spectra(inputs.motion.rectify(equations.delay))
-    late = np.exp(-transform.s * equations.delay)
-    return response * (rectified - late * equations.spectra(velocity))
+    motion = inputs.motion
+    return Channels(
+        position=motion.position,
+        velocity=motion.velocity,
+        torque=torque,
+        recorded=torque,
+        rectified=equations.spectra(motion.rectify(equations.delay)),
+        reference=equations.reference,
+        response=solution.parameters.responses(transform.s)[0],
+        delay=equations.delay,
+        s=np.where(equations.noise.inside, transform.s, 1.0),
+        transform=equations.spectra,
+        signals=transform.signals,
+    )
+
+
+def _differentiate_delay(solution: TimeVaryingSolution, inputs: Inputs) -> np.ndarray:
+    """Derivative of the torque with respect to the delay of the reflex, shape (frequencies,)."""
+    equations = solution.equations
+    s = equations.transform.s
+    gain = solution.parameters.linear[equations.bases.blocks["G"]]
+    return -s * solution.parameters.responses(s)[0] * (gain @ inputs.drive)

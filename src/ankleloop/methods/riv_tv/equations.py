@@ -82,8 +82,10 @@ class TimeVaryingEquations:
         motion = measure_motion(trials, self.grids, slow)
         self.measured = self._make_inputs(motion)
         self.predicted = self.measured
+        self.reference = np.zeros(0)  # spectrum; none where the position is the reference
         if options.reference != "position":
             reference = self.find_reference()
+            self.reference = self.spectra(reference)
             factor = self.grids[0].factor
             predicted = predict_motion(motion, slow, reference, self.transform, factor)
             self.predicted = self._make_inputs(predicted)

@@ -109,7 +109,7 @@ def _list_alternatives(
         if alternative.effect == "delay" and alternative.significant:
             freed = _solve(trials, options.model_copy(update={"delay": None}))
             shifts = compute_shifts(solution.means, freed.means)
-            alternative = replace(alternative, value=freed.delay, shifts=shifts)
+            alternative = replace(alternative, size=freed.delay, shifts=shifts)
         alternatives.append(alternative)
     return alternatives
 
