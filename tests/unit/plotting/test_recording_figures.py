@@ -8,10 +8,8 @@ from ankleloop.joint.models import ResponseModel
 from ankleloop.plotting.recordings import (
     model_figure,
     recordings_figure,
-    residual_figure,
     spectra_figure,
 )
-from ankleloop.quantities import QUANTITIES
 
 
 def estimate(predictor=None):
@@ -38,19 +36,14 @@ def test_reference_has_a_coherence_of_its_own():
     assert legend(spectra_figure(spectra)) == ["position and torque"]
     figure = spectra_figure({**spectra, "reference_coherence": 0 * frequency + 1.0})
     assert legend(figure) == ["position and torque", "reference and position"]
-    labels = ["position [rad²/Hz]", "torque [(N·m)²/Hz]", "squared coherence [1]"]
-    assert [axis.get_ylabel() for axis in figure.axes] == labels
-    assert {axis.get_xlabel() for axis in figure.axes} == {"frequency [Hz]"}
 
 
 def test_parametric_models_have_a_gain_and_a_phase():
     figure = model_figure({"riv": estimate(), "PI-MOESP": estimate()})
-    phase, gain = figure.axes[:2]
-    assert phase.get_ylabel() == "intrinsic phase [°]"
+    gain = figure.axes[1]
     frequency, values = gain.get_lines()[0].get_data()
     s = 2j * np.pi * frequency
     np.testing.assert_allclose(values, np.abs(150.0 + 0.8 * s + 0.015 * s**2))
-    assert legend(figure) == ["riv", "PI-MOESP"]
 
 
 def test_reflex_responses_begin_after_the_delay_of_their_estimate():
@@ -61,7 +54,6 @@ def test_reflex_responses_begin_after_the_delay_of_their_estimate():
     slow.reflex["delay"] = 0.07
     figure = model_figure({"riv": slow, "PI-MOESP": estimate()})
     reflex = figure.axes[3]
-    assert reflex.get_xlabel() == "time after the movement [s]"
     starts = [line.get_xdata()[0] for line in reflex.get_lines()]
     assert starts == [0.07, 0.07, 0.04]
     peaks = [
@@ -72,24 +64,6 @@ def test_reflex_responses_begin_after_the_delay_of_their_estimate():
     assert peaks[1] == pytest.approx(
         0.04 + 1 / 40.0, abs=2e-3
     )  # of a critically damped low-pass, at 1 / ωn
-
-
-def test_residuals_have_a_limit_for_correlations():
-    lags = np.linspace(-0.5, 0.5, 101)
-    test = SimpleNamespace(
-        frequency=lags[51:],
-        density=lags[51:] + 1.0,
-        lags=lags,
-        correlation=0 * lags,
-        limit=0.05,
-        related=False,
-    )
-    figure = residual_figure({"riv": test})
-    levels = [line.get_ydata()[0] for line in figure.axes[1].get_lines()[1:]]
-    assert levels == [-0.05, 0.05]
-    assert legend(figure) == ["riv", "99 % of unrelated ones"]
-    drawn = figure.data[figure.data["quantity"] == "whitened correlation"]
-    np.testing.assert_array_equal(drawn["x"], lags)
 
 
 def recordings(**columns):
@@ -105,15 +79,12 @@ def recordings(**columns):
 def test_recordings_have_a_row_each_with_their_intervals():
     figure = recordings_figure(recordings(), ["K"])
     (axis,) = figure.axes
-    assert axis.get_xlabel() == QUANTITIES["K"].label
-    assert [label.get_text() for label in axis.get_yticklabels()] == ["A1", "A2", "A3"]
     ends = [segment[:, 0].tolist() for segment in axis.collections[0].get_segments()[:2]]
     assert ends == [[90.0, 110.0], [115.0, 125.0]]
     low, high = axis.get_xlim()
     assert (
         80.0 < low < 90.0 < 125.0 < high < 135.0
     )  # of those to be trusted; the other one is an arrow head
-    assert legend(figure) == ["riv", "with failures or warnings"]
     assert figure.data["marked"].tolist() == [False, False, True]
 
 

