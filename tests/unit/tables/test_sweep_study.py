@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from study_jobs import run_cells
 from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, write_trials
 
 from ankleloop.errors import DataError
@@ -121,31 +120,3 @@ def test_error_with_the_smallest_root_mean_square_is_the_best(read):
     assert (
         best["relative voluntary torque"] == "0.2"
     )  # a bias of 2 %, against none with a spread of 33 %
-
-
-@pytest.mark.parametrize("count", [1, 3])
-def test_notebook_runs_on_the_table_alone(tmp_path, count):
-    values = {"reflex_gain": [5.0, 10.0], "voluntary": [0.0, 0.5], "block_rows": [10, 12]}
-    varied = list(values)[:count]
-    table = make_trials(grid(**{name: values[name] for name in varied}), trials=2)
-    study = {
-        "study": "s",
-        "title": "A sweep",
-        "algorithms": {},
-        "figures": ["sweep", "map"],
-        "table_file": str(write_trials(tmp_path / "s-trials.parquet", table)),
-        "labels": LABELS,
-        "varied": varied,
-        "simulation": SETTINGS,
-        "sweep": sweep_options(quantities=["vaf_net_true"], difference=["riv", "moesp"]),
-        "table_stem": str(tmp_path / "s"),
-        "figure_stem": str(tmp_path / "s"),
-    }
-    run_cells("sweep", {"study": study})
-    written = {path.name for path in tmp_path.iterdir()}
-    names = ("sweep", "map") if count == 3 else ("sweep",)
-    figures = {f"s-{name}.{suffix}" for name in names for suffix in ("png", "pdf", "csv")}
-    assert written == {"s-trials.parquet", "s.csv", "s.md", *figures}
-    lines = (tmp_path / "s.csv").read_text(encoding="utf-8").splitlines()
-    assert len(lines) == 1 + 2**count * 3  # points, methods and their difference
-    assert "net VAF, true [%]" in (tmp_path / "s.md").read_text(encoding="utf-8")

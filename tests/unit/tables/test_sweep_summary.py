@@ -2,11 +2,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
-from synthetic_sweep import LABELS, SETTINGS, grid, make_trials
+from synthetic_sweep import SETTINGS, grid, make_trials
 
 from ankleloop.plotting.sweeps import SweepAxis
-from ankleloop.quantities import point_column
-from ankleloop.tables.sweeps import measure_trials, pair_methods, summarise_effects, summarise_sweep
+from ankleloop.tables.sweeps import measure_trials, pair_methods, summarise_effects
 
 QUANTITIES = ["vaf_net_true", "K_error", "G_error", "failures", "warnings"]
 VARIED = ["reflex_gain", "voluntary"]
@@ -41,31 +40,6 @@ def test_error_of_a_truth_of_zero_does_not_exist():
     without = table["point.reflex_gain"] == 0.0
     assert trials.loc[without, "G_error"].isna().all()
     assert trials.loc[~without, "G_error"].notna().all()
-    summary = summarise_sweep(trials, ["point.reflex_gain"], ["G_error", "G"]).set_index(
-        ["point.reflex_gain", "quantity"]
-    )
-    assert summary.loc[(0.0, "G_error"), "n"] == 0
-    assert summary.loc[(0.0, "G"), "n"] == 6
-
-
-def test_summary_equals_numpy_on_each_group(trials):
-    summary = summarise_sweep(trials, ["point", *map(point_column, VARIED), "method"], QUANTITIES)
-    assert len(summary) == len(POINTS) * len(LABELS) * len(QUANTITIES)
-    for row in summary.itertuples():
-        part = trials[(trials["point"] == row.point) & (trials["method"] == row.method)]
-        values = part[row.quantity].to_numpy()
-        values = values[np.isfinite(values)]
-        assert row.n == values.size
-        assert row.mean == pytest.approx(np.mean(values))
-        assert row.sd == pytest.approx(np.std(values, ddof=1))
-        assert (row.low, row.median, row.high) == pytest.approx(
-            tuple(np.quantile(values, [0.1, 0.5, 0.9]))
-        )
-        if row.sd > 0:
-            low, high = stats.t.interval(0.95, values.size - 1, values.mean(), stats.sem(values))
-            assert (row.mean - row.margin, row.mean + row.margin) == pytest.approx((low, high))
-        assert (row.trials, row.failures) == (4, int(part["failed"].sum()))
-        assert row.warnings == int(part["warned"].sum()) == 1
 
 
 def test_differences_are_those_of_the_same_trial(trials):

@@ -12,7 +12,6 @@ from ankleloop.tables.comparisons import (
     format_rows,
     format_table,
 )
-from ankleloop.tables.means import COUNTS
 
 
 def test_errors_of_known_estimators():
@@ -39,11 +38,6 @@ def test_errors_of_known_estimators():
     assert row["rmse"] == pytest.approx(np.sqrt(13.0), rel=0.05)
     assert row["ratio"] == pytest.approx(row["rmse"] / 3.0)
     assert row["covered"] == pytest.approx(89.8, abs=2.0)  # P(|z + 2/3| < 1.96)
-    without = compare_with_bound(
-        details.drop(columns=["K_low", "K_high"]), {"p": {"K": 150.0}}, {("p", "m"): {}}
-    )
-    assert np.isnan(without["covered"].iloc[0])
-    assert np.isnan(without["ratio"].iloc[0])
 
 
 def test_means_stand_with_half_of_their_interval():
@@ -98,17 +92,6 @@ def test_a_table_beside_the_paper_says_how_many_trials_failed(partly_failed):
         {"method": ["a"], "torque": ["net"], "against": ["true"], "paper": [91.0]}
     )
     table = compare_with_published(partly_failed, published, ["point"])
-    assert list(table) == [
-        "point",
-        "method",
-        "torque",
-        "against",
-        "paper",
-        "mean",
-        "sd",
-        "n",
-        *COUNTS,
-    ]
     counts = table.set_index(["point", "method"])[["n", "trials", "failures", "warnings"]]
     assert counts.values.tolist() == [[4, 4, 0, 1], [3, 4, 1, 1], [4, 4, 0, 1], [0, 4, 4, 0]]
     assert table["mean"].tolist()[:3] == [91.5, 91.0, 91.5]
