@@ -1,6 +1,9 @@
 """Jobs of a simulated study, run one after the other in this process as the rules of the workflow run them."""
 
 import json
+import logging
+import runpy
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
@@ -9,6 +12,7 @@ import matplotlib.pyplot as plt
 
 from ankleloop.config.notebooks import read_notebooks
 from ankleloop.config.run import report_parameters
+from ankleloop.config.study import read_studies
 from ankleloop.jobs.identification import identify_trials, read_trials
 from ankleloop.jobs.predictions import predict
 from ankleloop.jobs.simulation import simulate_trials
@@ -16,6 +20,7 @@ from ankleloop.tables.trial_tables import join_tables
 from ankleloop.trials.trial_files import save_trials
 
 ROOT = Path(__file__).parents[1]
+SCRIPTS = ROOT / "workflow" / "scripts"
 NOTEBOOKS = read_notebooks()
 
 
@@ -95,3 +100,22 @@ def run_cells(notebook, parameters):
                 assert set(parameters) <= set(names)
                 names |= parameters
     return "\n".join(shown)
+
+
+def run_recordings_job(pages, **settings):
+    """Run the script of the rule `recordings`, which leaves pages and `table.parquet` in the folder `pages`."""
+    study = read_studies({"studies": {"laboratory": {"kind": "recordings", **settings}}})
+    job = SimpleNamespace(
+        params=SimpleNamespace(arguments=study[1]["laboratory"].analysis(0)),
+        output=SimpleNamespace(folder=str(pages), table=str(pages / "table.parquet")),
+        log=str(pages.with_suffix(".log")),
+        rule="recordings",
+        wildcards={"study": "laboratory", "chunk": "0"},
+    )
+    pages.mkdir()
+    handlers, level = logging.root.handlers[:], logging.root.level
+    try:
+        with mock.patch.object(sys, "path", [str(SCRIPTS), *sys.path]):
+            runpy.run_path(str(SCRIPTS / "recordings.py"), init_globals={"snakemake": job})
+    finally:
+        logging.root.handlers[:], logging.root.level = handlers, level

@@ -80,7 +80,6 @@ def test_status_of_each_error(run, monkeypatch, error, status, words):
     [
         (["nothing"], ["No such command 'nothing'"]),
         (["check"], ["Missing argument 'FILE'"]),
-        (["check", "nowhere.mat"], ["'nowhere.mat' does not exist"]),
         (["identify", "--order", "2"], ["No such option", "--order"]),
         (["demo", "--duration", "5"], ["--duration", "20"]),
     ],
@@ -107,11 +106,9 @@ def test_warnings_of_the_library_are_lines(run, monkeypatch):
     ("remedy", "options"),
     [
         ({"sampling_rate": None}, "--sampling-rate HZ"),
-        ({"case": None}, "--case NUMBER"),
         ({"variables": None}, "--variables NAME=VARIABLE"),
         ({"position_unit": "deg"}, "--position-unit deg"),
         ({"start": None, "stop": None}, "--start S --stop S"),
-        ({"drift": 1}, "--drift 1"),
         ({"overwrite": True}, "--overwrite"),
         ({}, ""),
     ],

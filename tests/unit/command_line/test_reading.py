@@ -66,19 +66,9 @@ def test_names_that_leave_no_choice(tmp_path, names, expected):
             "--position NAME",
         ),
         (
-            ("angle", "left_torque", "right_torque"),
-            "2 variables may be the torque: left_torque,",
-            "--torque NAME",
-        ),
-        (
             ("angle", "torque", "ref", "cmd"),
             "2 variables may be the reference: ref, cmd.",
             "--reference NAME, or --no-reference",
-        ),
-        (
-            ("x", "torque"),
-            "no variable is called position or pos or angle or theta",
-            "--position NAME",
         ),
         (
             ("angle", "force"),
@@ -98,15 +88,6 @@ def test_names_that_leave_a_choice_are_not_guessed(run, tmp_path, names, words, 
     assert [file.name for file in tmp_path.iterdir()] == ["a.csv"]
 
 
-def test_options_decide(tmp_path):
-    path = write_columns(tmp_path / "a.csv", "angle", "position", "torque", "ref", "cmd")
-    recording = map_file(path, position="angle", reference="cmd")
-    assert (recording.position, recording.reference) == ("angle", "cmd")
-    assert map_file(path, position="angle", no_reference=True).reference == NO_REFERENCE
-    # What is another channel already leaves no choice.
-    assert map_file(path, position="ref", reference="angle").torque == "torque"
-
-
 def test_stated_units(tmp_path, capsys):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         for name, unit in {"run/angle": "Degrees", "run/moment": "N·m"}.items():
@@ -124,8 +105,8 @@ def test_stated_units(tmp_path, capsys):
     [
         (["--torque-sign", "2"], "'--torque-sign'"),
         (["--position-unit", "grad"], "'grad' is not one of 'rad', 'deg'."),
-        (["--sampling-rate", "0"], "sampling_rate must be between 0.001 and 1e9 Hz, got 0.0."),
         (["--start", "5", "--stop", "3"], "stop (3 s) must be after start (5 s)"),
+        (["--sampling-rate", "0"], "sampling_rate must be between 0.001 and 1e9 Hz, got 0.0."),
         (
             ["--reference", "ref", "--no-reference"],
             "--reference and --no-reference exclude each other.",

@@ -1,16 +1,13 @@
 """Fingerprints follow imports, however they are written, and package data."""
 
 import json
-from pathlib import Path
 
 import pytest
 
 from ankleloop.jobs import fingerprint as module
 from ankleloop.jobs.fingerprint import fingerprint
 
-ROOT = Path(__file__).parents[3]
 MODULES = {"markdown": "ankleloop.b.y", "code": "ankleloop.a.x"}
-SCRIPTS = ("identify", "recordings", "render", "simulate", "table", "verify")
 
 
 @pytest.fixture
@@ -69,19 +66,3 @@ def test_code_of_notebooks_counts(library):
     notebook = library("study.ipynb", json.dumps({"cells": cells}))
     assert changed_by(library, notebook, "ankleloop/a/x.py")
     assert not changed_by(library, notebook, "ankleloop/b/y.py")
-
-
-def test_scripts_of_the_workflow_reach_what_they_use():
-    def reached(script):
-        paths = module.reached_files(ROOT / "workflow" / "scripts" / f"{script}.py")
-        return {path.relative_to(module.LIBRARY / "ankleloop").as_posix() for path in paths}
-
-    by_script = {script: reached(script) for script in SCRIPTS}
-    assert {script for script in SCRIPTS if "methods/parallel_cascade.py" in by_script[script]} >= {
-        "identify"
-    }
-    assert "methods/riv/riv.py" in by_script["identify"]  # which the registry imports by its name
-    assert "methods/riv/riv.py" not in by_script["simulate"]
-    assert "config/settings.py" not in by_script["simulate"] | by_script["identify"]
-    assert "plotting/sweeps.py" not in by_script["identify"] | by_script["verify"]
-    assert "pages/rendering.py" in by_script["render"] & by_script["recordings"]

@@ -1,24 +1,19 @@
 """The job of a chunk of recordings: what fails numerically is refused with its reason, the others finish."""
 
-import logging
 import os
-import runpy
 import signal
 import sys
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+from study_jobs import run_recordings_job
 
 from ankleloop import save_trial, simulate
-from ankleloop.config.study import read_studies
 from ankleloop.jobs import recordings as job_of_recordings
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
-SCRIPTS = Path(__file__).parents[3] / "workflow" / "scripts"
 NAMES = ("good", "bad")  # of the recordings of a job
 
 
@@ -31,40 +26,17 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-def run_job(folder, tmp_path, monkeypatch):
-    """Run the script of the rule `recordings` on two recordings; it gives the table and the folder of the pages."""
+def run_job(folder, tmp_path):
+    """Run the job of two recordings, or of others; it gives the table and the folder of the pages."""
 
     def run(*names):
-        settings = {
-            "kind": "recordings",
-            "folder": str(folder),
-            "files": {
-                name: {
-                    "file": name if "." in name else f"{name}.nc",
-                    "subject": "007",
-                    "reference": "reference",
-                }
-                for name in names or NAMES
-            },
-            "methods": {"riv": {"method": "riv"}},
-        }
-        study = read_studies({"studies": {"laboratory": settings}})[1]["laboratory"]
-        job = SimpleNamespace(
-            params=SimpleNamespace(arguments=study.analysis(0)),
-            output=SimpleNamespace(
-                folder=str(tmp_path / "pages"), table=str(tmp_path / "table.parquet")
-            ),
-            log=str(tmp_path / "job.log"),
-            rule="recordings",
-            wildcards={"study": "laboratory", "chunk": "0"},
+        named = names or NAMES
+        files = {name: {"file": f"{name}.nc", "subject": "007"} for name in named}
+        pages = tmp_path / "pages"
+        run_recordings_job(
+            pages, folder=str(folder), files=files, methods={"riv": {"method": "riv"}}
         )
-        monkeypatch.syspath_prepend(str(SCRIPTS))
-        handlers, level = logging.root.handlers[:], logging.root.level
-        try:
-            runpy.run_path(str(SCRIPTS / "recordings.py"), init_globals={"snakemake": job})
-        finally:
-            logging.root.handlers[:], logging.root.level = handlers, level
-        return pd.read_parquet(job.output.table), Path(job.output.folder)
+        return pd.read_parquet(pages / "table.parquet"), pages
 
     return run
 
@@ -96,7 +68,12 @@ def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, n
     reason = f"it failed numerically ({type(error).__name__}: {error})."
     assert table.set_index("recording").loc["bad", "reasons"] == reason
     assert f"bad refused: {reason}" in capsys.readouterr().err
-    assert {path.name for path in folder.iterdir()} == {"good", "good.html", "bad.html"}
+    assert {path.name for path in folder.iterdir()} == {
+        "good",
+        "good.html",
+        "bad.html",
+        "table.parquet",
+    }
     assert str(error) in (folder / "bad.html").read_text(encoding="utf-8")
     assert pd.notna(table.set_index("recording").loc["good", "K"])
     assert (table["subject"] == "007").all()
