@@ -182,10 +182,6 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
         ),
         ({"reflex_gain": {"start": 0, "stop": 1, "step": 1e-7}}, "more than 100,000 values"),
         (
-            {"perturbation": {"start": 0, "stop": 1, "count": 3}},
-            "perturbation: must be a list of values",
-        ),
-        (
             [{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}],
             "block_rows=15,reflex_gain=8.0 is listed twice",
         ),

@@ -38,21 +38,6 @@ def test_trials_with_other_variables_are_in_another_file(table1):
     assert len(alike.trial_files) == 1
 
 
-def chunk_points(study):
-    return [
-        [part.condition.removeprefix("reflex_gain=") for part in chunk] for chunk in study.chunks
-    ]
-
-
-def test_a_chunk_is_part_of_the_trials_of_a_point(table1):
-    study = table1(points={"reflex_gain": [1.0, 2.0]}, trials=7, trials_per_chunk=3)
-    ranges = [[(part.first, part.stop) for part in chunk] for chunk in study.chunks]
-    assert ranges == [[(0, 3)], [(3, 6)], [(6, 7)]] * 2
-    assert chunk_points(study) == [["1.0"]] * 3 + [["2.0"]] * 3
-    assert study.trial_files == study.chunks
-    assert [study.file_numbers[chunk] for chunk in range(6)] == list(range(6))
-
-
 def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
     points = [
         {"duration": duration, "recording_rate": rate}

@@ -106,10 +106,10 @@ class Studies(Mapping):
     `vaf` and `error` return None where the default is meant.
     """
 
-    def __init__(self, vaf=None, error=None, trials=6, spread=0.0, points=POINTS, labels=()):
+    def __init__(self, vaf=None, error=None, trials=6, spread=0.0, points=POINTS):
         self.vaf, self.error = vaf or (lambda *_: None), error or (lambda *_: None)
         self.trials, self.spread, self.points = trials, spread, points
-        self.labels, self.results = dict(labels), {}
+        self.results = {}
 
     def __iter__(self):
         return iter(self.points)
@@ -146,7 +146,7 @@ class Studies(Mapping):
                 columns |= dict.fromkeys([torque] if torque in UNSEEN else names, vaf)
             tables.append(pd.DataFrame(columns).assign(point=point, method=method, passes=27.0))
         table = pd.concat(tables, ignore_index=True)
-        return StudyResults(study, points, table, self.labels)
+        return StudyResults(study, points, table, {})
 
     def noise(self, *key):
         """Deviations of zero mean."""

@@ -22,7 +22,7 @@ from ankleloop.paper.judgement import (
     NOT_REPRODUCED,
     OPEN,
 )
-from ankleloop.paper.ledger import VERDICTS, tabulate_table1
+from ankleloop.paper.ledger import VERDICTS
 
 ROWS = {
     name: [f"{name}/{n.method}/{n.torque}" for n in TABLES[name].itertuples()] for name in TABLES
@@ -324,29 +324,7 @@ def test_numbers_of_a_table_follow_the_results():
         np.testing.assert_allclose(rows["difference"].astype(float), points)
 
 
-def test_stated_numbers_are_those_of_the_tables():
-    assert (
-        build_ledger().loc["table2-text", "ours"]
-        == TABLES["table2"].eval("paper - text").abs().max()
-    )
-
-
 def test_a_simulated_stand_in_has_no_verdict():
     stand_in = build_ledger().loc[ROWS["table2"]]
     assert set(stand_in["verdict"]) == {OPEN}
     assert stand_in["reason"].str.contains("stand-in").all()
-
-
-def test_a_label_may_hold_any_words():
-    """Table 1 takes method and torque from their columns, not from the sentence."""
-    labels = {"pr-moesp": "PR-MOESP by past reference / net"}
-    ledger = build_ledger(labels=labels).reset_index()
-    table, _ = tabulate_table1(ledger)
-    assert labels["pr-moesp"] in table["method"].tolist()
-    assert set(table.columns) == {"method", *(f"{torque} [% VAF]" for torque in TORQUES)}
-
-
-def test_a_mean_that_is_no_vaf_has_its_own_name():
-    claim = edit_claims("eiv-unbiased", check="mean table1 K pr-moesp", settings=np.nan)
-    reason = build_ledger(**claim).loc["eiv-unbiased", "reason"]
-    assert reason.startswith("mean K [N·m/rad]")
