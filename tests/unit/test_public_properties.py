@@ -1,10 +1,8 @@
 """Properties of public functions that hold for every input: whatever is true of one record is true of its parts."""
 
-import h5py
 import numpy as np
 import pandas as pd
 import pytest
-import scipy.io
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,7 +13,6 @@ from ankleloop import (
     identify,
     method_options,
     new_trial,
-    read_trial,
     segment,
     simulate,
 )
@@ -93,30 +90,6 @@ def test_segments_side_by_side_are_the_segment_of_both(seed, edges):
 
 
 # --- files
-
-
-@settings(max_examples=4, deadline=None)
-@given(seeds)
-def test_a_record_is_the_same_trial_in_every_file_format(tmp_path_factory, seed):
-    folder = tmp_path_factory.mktemp("formats")
-    position, torque, reference = draw_signals(seed)
-    signals = {"position": position, "torque": torque, "command": reference}
-    table = pd.DataFrame(signals)
-    for name in ("a.csv", "a.csv.gz"):
-        table.to_csv(folder / name, index=False)
-    scipy.io.savemat(folder / "a.mat", signals)
-    for name in ("a.h5", "v73.mat"):
-        with h5py.File(folder / name, "w") as file:
-            for key, values in signals.items():
-                file[key] = values
-    data = xr.Dataset({key: ("time", values) for key, values in signals.items()})
-    data.to_netcdf(folder / "a.nc", engine="h5netcdf")
-    data.to_netcdf(folder / "classic.nc", engine="scipy")
-    expected = new_trial(position, torque, RATE, reference)
-    paths = sorted(folder.iterdir())
-    assert len(paths) == 7
-    for path in paths:
-        assert read_trial(path, reference="command", sampling_rate=RATE).equals(expected), path.name
 
 
 # --- identification and scores

@@ -169,8 +169,6 @@ def test_a_wrong_option_is_an_error_before_anything_is_fitted():
         analyse(trial, {"riv": {"method": "riv", "options": {"order": 7}}})
     with pytest.raises(ValueError, match="order"):
         analyse(trial, {"riv": {"method": "riv", "select": {"order": [2, 7]}}})
-    with pytest.raises(TypeError, match="colour"):
-        analyse(trial, {"riv": {"method": "riv", "options": {"colour": 1}}})
 
 
 def add_warning(estimate):
