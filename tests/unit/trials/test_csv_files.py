@@ -32,28 +32,9 @@ def test_ends_of_lines(tmp_path, end):
     np.testing.assert_allclose(values["position"], 0.01 * np.arange(50), atol=1e-12)
 
 
-def test_lines_are_numbered_as_editors_do(tmp_path):
-    lines = ["", *(HEADER + ROWS).splitlines()]
-    lines.insert(20, "")
-    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
-    contents = CsvContents(tmp_path / "a.csv")
-    assert [contents.locate_sample(k) for k in (0, 49)] == ["in line 3", f"in line {len(lines)}"]
-
-
 def test_commas_at_the_ends_of_lines(tmp_path):
     for header, row in (("position,torque,", "1,2"), ("position,torque", "1,2,,")):
         assert columns(tmp_path, f"{header}\n{row}\n{row}\n")["torque"].tolist() == [2, 2]
-
-
-@pytest.mark.parametrize(
-    "header", ["position,position \n", '"position", position\n', "position,\tposition\n"]
-)
-def test_columns_of_one_name(tmp_path, header):
-    message = refused(tmp_path, header + "1,2\n3,4\n", "position")
-    assert (
-        message
-        == "a.csv: 2 columns are called 'position' (columns 1, 2): give each a name of its own."
-    )
 
 
 @pytest.mark.parametrize(

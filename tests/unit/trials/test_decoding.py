@@ -9,7 +9,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.trials.contents import decode
 from ankleloop.trials.readers import read_trial
-from ankleloop.trials.units import check_unit, time_factor
+from ankleloop.trials.units import time_factor
 
 RATE = 500.0
 P = 0.02 * np.sin(np.arange(300) / 10)
@@ -71,14 +71,6 @@ def test_samples_that_are_no_real_numbers_are_refused(tmp_path, kind):
 
 
 # --- units
-
-
-@pytest.mark.parametrize(
-    ("name", "unit"), [("angle_deg", "rad"), ("angle [rad]", "deg"), ("angle (Degrees)", "rad")]
-)
-def test_a_unit_in_the_name_counts(name, unit):
-    with pytest.raises(DataError, match="according to the file, but position_unit is"):
-        check_unit("position", name, "", unit, source="a")
 
 
 @pytest.mark.parametrize(

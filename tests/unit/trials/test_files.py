@@ -5,10 +5,8 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 from pathlib import Path
 
-import h5netcdf
 import numpy as np
 import pytest
 import xarray as xr
@@ -284,26 +282,3 @@ def test_partial_files_of_unusual_names(tmp_path, name):
     write_text(tmp_path / name)
     assert os.listdir(tmp_path) == [name]
     assert len(os.fsencode(_partial_path(tmp_path / name).name)) <= 255
-
-
-def test_many_writers_at_once(tmp_path):
-    """One of them wins, all others are refused, and none leaves a partial file; also among threads, with HDF5."""
-    path, outcomes = tmp_path / "x.nc", []
-
-    def write(number):
-        try:
-            write_netcdf({"": xr.Dataset({"number": ("n", np.full(1000, number))})}, path)
-            outcomes.append(number)
-        except DataError as error:
-            outcomes.append(str(error).partition(": ")[2][:23])
-
-    threads = [threading.Thread(target=write, args=(number,)) for number in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(60)
-    assert os.listdir(tmp_path) == ["x.nc"]
-    (winner,) = [outcome for outcome in outcomes if isinstance(outcome, int)]
-    assert outcomes.count("the file exists already") == 7
-    with h5netcdf.File(path) as file:
-        assert set(file["number"][:]) == {winner}

@@ -19,7 +19,6 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import torque_dataset
 from ankleloop.trials import reading_process
 from ankleloop.trials.files import CHECKSUM_LENGTH, has_checksum
-from ankleloop.trials.reading_process import name_errors
 from ankleloop.trials.trial_files import load_trials, save_trials
 
 RATE = 500.0
@@ -177,15 +176,6 @@ def test_the_process_ends_with_its_program(tmp_path):
         os.kill(int(run.stdout), 0)
 
 
-def test_nan_that_signals_is_a_missing_sample(tmp_path):
-    torque = np.arange(20.0)
-    torque[7:8].view(np.uint64)[0] = 0x7FF0000000000001
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file["position"], file["torque"] = 0.001 * np.arange(20), torque
-    with pytest.raises(DataError, match=r"a.h5: torque is not finite at sample 7 "):
-        read_trial(tmp_path / "a.h5", sampling_rate=200.0)
-
-
 # --- Files of the library, whose bytes have changed
 
 
@@ -261,12 +251,3 @@ def test_samples_in_other_files_are_refused(tmp_path):
             DataError, match=rf"a.nc: the samples of {name} are in other files: copy"
         ):
             read_trial(tmp_path / "a.nc", position=name)
-
-
-def test_errors_of_libraries_get_the_name_of_the_file_and_the_remedy():
-    message = r"^x.nc: not a readable thing \(KeyError: 'k'\): it is damaged.*: buy it\.$"
-    with pytest.raises(DataError, match=message) as e, name_errors("x.nc", "thing", "buy it"):
-        raise KeyError("k")
-    assert isinstance(e.value.__cause__, KeyError)
-    with pytest.raises(DataError, match=r"^as it is$"), name_errors("x.nc", "thing", "buy it"):
-        raise DataError("as it is")

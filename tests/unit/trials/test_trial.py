@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import TRUE_TORQUES
 from ankleloop.trials.trial import new_trial, segment
 from ankleloop.trials.trial_files import load_trial, save_trial
 
@@ -42,23 +41,6 @@ def test_new_trial_keeps_the_contract(trial):
         assert variable.dims == ("time",), name
         assert variable.dtype == np.float64
         assert variable.attrs["long_name"]
-
-
-@pytest.mark.parametrize(
-    ("name", "unit"),
-    [
-        ("position", "rad"),
-        ("reference", "rad"),
-        ("torque", "N·m"),
-        ("time", "s"),
-        ("emg", ""),
-        ("torque_of_mass", "N·m"),
-    ]
-    + [(name, "N·m") for name in TRUE_TORQUES],
-)
-def test_units(name, unit):
-    extras = dict.fromkeys((*TRUE_TORQUES, "emg", "torque_of_mass"), TORQUE)
-    assert new_trial(POSITION, TORQUE, RATE, REFERENCE, **extras)[name].attrs["units"] == unit
 
 
 def test_attributes_have_types_of_netcdf():
@@ -154,15 +136,6 @@ def test_invalid_trial_is_not_saved(trial, tmp_path):
     with pytest.raises(DataError, match=r"^trial.nc: torque is not finite at sample 5"):
         save_trial(trial, tmp_path / "trial.nc")
     assert os.listdir(tmp_path) == []
-
-
-@pytest.mark.parametrize("content", [b"", b"not a netcdf file", b"\x89HDF\r\n\x1a\n" + bytes(100)])
-def test_loading_other_formats(tmp_path, content):
-    (tmp_path / "trial.nc").write_bytes(content)
-    with pytest.raises(
-        DataError, match=r"trial.nc: not a readable NetCDF-4 file .*write it with save_trial"
-    ):
-        load_trial(tmp_path / "trial.nc")
 
 
 def test_loading_validates_the_trial(trial, tmp_path):

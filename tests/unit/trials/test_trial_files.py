@@ -17,14 +17,6 @@ def make_trials(count=3, samples=50, **attributes):
     ]
 
 
-def test_trials_that_cannot_be_saved(tmp_path):
-    with pytest.raises(DataError, match="no folder"):
-        save_trials(make_trials(1), tmp_path / "nowhere" / "trials.nc", INDEX[:1])
-    with pytest.raises(ValueError, match=r"zip\(\) argument"):
-        save_trials(make_trials(2), tmp_path / "trials.nc", INDEX[:1])
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_trials_of_several_points_in_one_file(tmp_path):
     trials, index = make_trials(4), [("a", 0), ("a", 1), ("b", 0), ("b", 1)]
     save_trials(trials, tmp_path / "trials.nc", index)

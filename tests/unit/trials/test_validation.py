@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from ankleloop.errors import DataError
 from ankleloop.signals.sampling import compute_rate
-from ankleloop.trials.trial import new_trial, peak_speed, validate
+from ankleloop.trials.trial import new_trial, validate
 
 RATE = 1000.0
 T = np.arange(500) / RATE
@@ -33,16 +30,6 @@ def test_samples_must_be_finite(trial, name, value):
         validate(trial, source="x")
 
 
-@pytest.mark.parametrize("name", ["position", "torque"])
-@pytest.mark.parametrize("noise", [0.0, 1e-16])
-def test_constant_channels_are_refused(trial, name, noise):
-    trial[name][:] = 0.5 + noise * np.random.default_rng(0).standard_normal(500)
-    with pytest.raises(
-        DataError, match=rf"^x: {name} is constant \(0.5 at all 500 samples\): check the channel"
-    ):
-        validate(trial, source="x")
-
-
 def test_constant_true_torques_and_two_samples_are_accepted():
     assert new_trial([0.0, 0.001], [1.0, 2.0], RATE, torque_voluntary=np.zeros(2)).time.size == 2
 
@@ -54,28 +41,6 @@ def test_position_noise_is_accepted(rate):
     position = 0.02 * np.sin(2 * np.pi * 3 * time) + noise
     assert np.max(np.abs(np.diff(position))) * rate > 20.0
     new_trial(position, np.cos(time), rate)
-
-
-@settings(max_examples=50)
-@given(
-    hnp.arrays(float, st.integers(2, 40), elements=st.floats(-1.0, 1.0)),
-    st.sampled_from([100.0, 700.0, 1000.0]),
-)
-def test_peak_speed_is_the_largest_difference_of_means(position, rate):
-    half = min(max(1, round(0.003 * rate)), (position.size - 1) // 2)
-    speeds = {k: abs(position[k] - position[k - 1]) * rate for k in range(1, position.size)}
-    if half:
-        inside = range(half, position.size - half)
-        means = {
-            k: (position[k + 1 : k + half + 1].mean(), position[k - half : k].mean())
-            for k in inside
-        }
-        speeds = {
-            k: abs(after - before) / (half + 1) * rate for k, (after, before) in means.items()
-        }
-    sample, speed = peak_speed(position, rate)
-    assert speed == pytest.approx(max(speeds.values()), abs=1e-9)
-    assert speed == 0.0 or speeds[sample] == pytest.approx(speed, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -109,14 +74,6 @@ def _with_time(trial, time):
     ("change", "message"),
     [
         (
-            lambda t: np.where(np.arange(500) < 300, t, t + 0.05),
-            r"irregular at sample 300 \(0.35 s\): it steps by 0.051 s",
-        ),
-        (
-            lambda t: np.where(np.arange(500) < 300, t, t - 0.001),
-            r"irregular at sample 300 \(0.299 s\): it steps by 0 s",
-        ),
-        (
             lambda t: np.where(np.arange(500) == 300, t + 4e-5, t),
             r"irregular at sample 300 \(0.30004 s\)",
         ),
@@ -125,9 +82,8 @@ def _with_time(trial, time):
             r"time is not finite at sample 300: repair",
         ),
         (lambda t: t[::-1], "irregular at sample 1 "),
-        (lambda t: 2 * t, r"stated as 1000 Hz, but time runs at 500 Hz: correct the one"),
     ],
-    ids=["gap", "duplicate", "jitter", "nan", "backwards", "other-rate"],
+    ids=["jitter", "nan", "backwards"],
 )
 def test_time_must_be_regular(trial, change, message):
     with pytest.raises(DataError, match=message):
