@@ -5,7 +5,7 @@ import pytest
 
 from ankleloop.errors import DataError
 from ankleloop.signals.sampling import compute_rate
-from ankleloop.trials.trial import new_trial, validate
+from ankleloop.trials.trial import new_trial, peak_speed, validate
 
 RATE = 1000.0
 T = np.arange(500) / RATE
@@ -41,6 +41,14 @@ def test_position_noise_is_accepted(rate):
     position = 0.02 * np.sin(2 * np.pi * 3 * time) + noise
     assert np.max(np.abs(np.diff(position))) * rate > 20.0
     new_trial(position, np.cos(time), rate)
+
+
+@pytest.mark.parametrize("rate", [100.0, 700.0, 5000.0])
+def test_peak_speed_is_the_slope_of_a_ramp(rate):
+    time = np.arange(int(rate)) / rate
+    sample, speed = peak_speed(3.0 * np.clip(time - 0.4, 0.0, 0.2), rate)
+    assert speed == pytest.approx(3.0, rel=1e-9)
+    assert 0.4 < time[sample] < 0.6
 
 
 @pytest.mark.parametrize(
