@@ -4,6 +4,7 @@ import h5netcdf
 import numpy as np
 import pytest
 import scipy.io
+from scipy.interpolate import BSpline
 
 from ankleloop import identify, save_estimate, simulate, vaf
 
@@ -44,17 +45,9 @@ def expand(model, v):
 
 
 def expand_spline(knots, v):
-    """Cubic B-splines by the recursion of Cox and de Boor, without the first one."""
-    v = np.clip(v, knots[0], knots[-1])[:, None]
-    g = ((v >= knots[:-1]) & (v < knots[1:])).astype(float)
-    g[v[:, 0] == knots[-1], np.flatnonzero(knots < knots[-1])[-1]] = 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for d in (1, 2, 3):
-            rise = (v - knots[: -1 - d]) / (knots[d:-1] - knots[: -1 - d])
-            fall = (knots[d + 1 :] - v) / (knots[d + 1 :] - knots[1:-d])
-            rise[~np.isfinite(rise)], fall[~np.isfinite(fall)] = 0.0, 0.0
-            g = rise * g[:, :-1] + fall * g[:, 1:]
-    return g[:, 1:]
+    """Cubic B-splines, without the first one, and constant beyond the ends."""
+    inside = np.clip(v, knots[0], knots[-1])
+    return BSpline.design_matrix(inside, knots, 3).toarray()[:, 1:]
 
 
 def make_inputs(model, time, position, start=0.0):

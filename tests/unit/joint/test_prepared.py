@@ -61,27 +61,6 @@ def test_a_prepared_trial_cannot_be_edited_and_keeps_its_estimate(trials):
     assert identify(prepared, "pr-moesp") == before
 
 
-@pytest.mark.parametrize(
-    "compute",
-    [
-        lambda trial: trial.velocity(0.04),
-        lambda trial: trial.channel("torque", trial.grid(100.0, 0.04)),
-        lambda trial: trial.motion(trial.grid(100.0, 0.04))[1],
-        lambda trial: regressors_of(trial).inputs,
-        lambda trial: regressors_of(trial).torque,
-        lambda trial: regressors_of(trial).time,
-        lambda trial: regressors_of(trial).reference,
-        lambda trial: regressors_of(trial).centred[1],
-        lambda trial: regressors_of(trial).basis.knots,
-        lambda trial: trial.predict_inputs(regressors_of(trial)),
-    ],
-)
-def test_what_a_prepared_trial_computes_cannot_be_edited(trials, compute):
-    prepared = prepare(trials[0])
-    with pytest.raises(ValueError, match="read-only"):
-        compute(prepared)[0] = 0.0
-
-
 def test_samples_are_shared_with_the_data_set_which_stays_the_users(trials):
     data = trials[0].copy(deep=True)
     prepared = prepare(data)
