@@ -78,17 +78,6 @@ def test_velocities_beyond_the_fit_are_warned_of(trial, other, method, basis):
         assert f"the {basis} basis was fitted from -" in warnings[0]
 
 
-@pytest.mark.parametrize("inertia_knots", [1, 5])
-def test_parameters_at_places_have_the_names_of_the_trajectories(inertia_knots):
-    trial = simulate(seed=1, duration=30.0, variation="cycle", stiffness_variation=0.4)
-    estimate = identify(trial, "riv-tv", cycle_onsets="phase", inertia_knots=inertia_knots)
-    parameters = estimate.predictor.parameters(estimate.trajectories["phase"].values)
-    assert sorted(parameters) == ["B", "G", "I", "K"]
-    for name in ("K", "B", "G"):
-        np.testing.assert_allclose(parameters[name], estimate.trajectories[name], rtol=1e-9)
-    assert (np.ptp(parameters["I"]) == 0.0) == (inertia_knots == 1)
-
-
 def reflex_score(trial, estimate):
     return evaluate(trial, estimate).set_index(["torque", "against"]).loc[("reflex", "true"), "vaf"]
 

@@ -102,20 +102,3 @@ def test_usual_methods_are_those_that_are_offered_with_options_that_they_have(re
         assert ("position as reference" in method["label"]) == ("reference" in method["options"])
     assert "riv-tv" not in usual_methods(reference=reference)
     assert list(usual_methods(reference=reference, names=["riv-tv"])) == ["riv-tv"]
-
-
-def test_an_estimate_of_a_method_is_not_changed_by_its_call(open_loop):
-    """What the function of a method returns stays as it is: it may keep it, or give it twice."""
-    kept = []
-
-    def identify_and_keep(trial, options):
-        kept.append(identify_stiffness(trial, options))
-        kept.append(replace(kept[0], diagnostics=dict(kept[0].diagnostics)))
-        return kept[0]
-
-    method = replace(METHOD, identify=identify_and_keep)
-    estimate = method(open_loop)
-    assert kept[0] == kept[1]
-    assert kept[0].diagnostics == kept[1].diagnostics == {}
-    assert "measured" in estimate.torque
-    assert "measured" not in kept[0].torque

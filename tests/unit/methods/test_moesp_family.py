@@ -161,21 +161,6 @@ def test_ranks_and_stability_are_diagnostics(clean, noisy):
 # --- the reference
 
 
-def test_a_missing_reference_is_refused(noisy):
-    bare = noisy.drop_vars("reference")
-    for method, options in (("pr-moesp", {}), ("pi-moesp", {"input_matrices": "instruments"})):
-        message = (
-            "the trial has no variable 'reference' to serve as reference; it has position, torque"
-        )
-        with pytest.raises(DataError, match=message):
-            identify(bare, method, **options)
-    with pytest.raises(
-        DataError,
-        match=r"has no variable 'command' to serve as reference; it has .*reference='positi",
-    ):
-        identify(noisy, "pr-moesp", reference="command")
-
-
 @pytest.mark.parametrize("options", [{}, {"input_matrices": "instruments"}])
 def test_the_position_serves_as_reference_of_an_open_loop_record(options):
     trial = simulate(

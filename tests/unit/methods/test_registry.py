@@ -4,7 +4,6 @@ import control
 import numpy as np
 import pytest
 
-import ankleloop
 from ankleloop import METHODS, evaluate, identify
 
 WITHOUT_REFERENCE = ("eiv-moesp", "pi-moesp", "po-moesp", "moesp", "parallel-cascade")
@@ -52,16 +51,3 @@ def test_other_methods_need_no_reference(noisy, method):
     without = identify(noisy.drop_vars("reference"), method)
     np.testing.assert_array_equal(without.torque["net"], identify(noisy, method).torque["net"])
     assert "reference" not in without.diagnostics
-
-
-def test_unknown_names_are_refused_with_the_known_ones(noisy):
-    for method in METHODS:
-        with pytest.raises(
-            TypeError, match=f"method '{method}' has no option 'ordre'.*; it has "
-        ) as refusal:
-            identify(noisy, method, ordre=3)
-        assert all(name in str(refusal.value) for name in ankleloop.method_options(method))
-    for call in (lambda: identify(noisy, "magic"), lambda: ankleloop.method_options("magic")):
-        with pytest.raises(ValueError, match="unknown method 'magic'; known: ") as refusal:
-            call()
-        assert all(name in str(refusal.value) for name in METHODS)

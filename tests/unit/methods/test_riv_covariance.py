@@ -1,7 +1,5 @@
 """Intervals of `riv` where the model is incomplete."""
 
-from copy import copy
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -124,22 +122,6 @@ def test_the_smaller_of_two_probabilities_counts_twice(settings):
     smaller = min(correlation_probability(point, signal) for signal in (position, drive))
     assert 1e-6 < smaller < 0.5
     assert point.movement_p == pytest.approx(2.0 * smaller, rel=1e-6)
-
-
-def test_a_residual_that_does_not_depend_on_the_movement_is_no_alarm():
-    """White noise in its place: no level is reached more often than it says."""
-    point = solve_trial(simulate(seed=1, duration=15.0)).point
-    band = point.equations.band
-    rng = np.random.default_rng(1)
-    probabilities = []
-    for _ in range(400):
-        other = copy(point)
-        other.__dict__.pop("movement_p", None)
-        other.residual = band.transform(rng.standard_normal(band.samples))
-        other.noise = point.equations.smooth_power(other.residual)
-        probabilities.append(other.movement_p)
-    for level in (0.05, 0.2, 0.5):
-        assert np.mean(np.array(probabilities) < level) < level
 
 
 @pytest.mark.parametrize("kind", ["asymptotic", "robust"])

@@ -172,13 +172,6 @@ def test_coloured_noise_is_no_variation():
     assert np.median(rough) < 0.1
 
 
-def test_onsets_in_seconds_are_those_of_the_phase(noisy, estimate):
-    onsets = 1.4 * np.arange(31)
-    other = identify(noisy, "riv-tv", cycle_onsets=onsets, rest_position=0.0)
-    for name in "KBG":
-        np.testing.assert_allclose(other.trajectories[name], estimate.trajectories[name], rtol=1e-6)
-
-
 def test_the_delay_and_the_lag_of_the_torque_are_estimated():
     trial = simulate(seed=3, delay=0.05, voluntary=0.05, snr_db=20.0, **CYCLES, **JOINT)
     trial["torque"][2:] = trial["torque"].values[:-2]  # a channel that is 2 ms behind
@@ -303,7 +296,6 @@ def test_samples_count_by_the_inverse_of_the_noise_at_their_place(onsets):
 @pytest.mark.parametrize(
     ("settings", "options", "message"),
     [
-        (LOCKED, {"cycle_onsets": "phase"}, "the perturbation is locked to it"),
         ({**LOCKED, "cycle_jitter": 0.06, "movement": 0.2}, {"cycle_onsets": "phase"}, "locked"),
         (
             {"duration": 9.0, "variation": "cycle"},
@@ -312,13 +304,6 @@ def test_samples_count_by_the_inverse_of_the_noise_at_their_place(onsets):
         ),
         ({"duration": 9.0}, {}, "without cycles needs 9.5 s"),
         (CYCLES, {"cycle_onsets": "position"}, "the phase of a cycle goes from 0 to 1"),
-        (CYCLES, {"cycle_onsets": "heel"}, "no variable 'heel' for cycle_onsets"),
-        (CYCLES, {"schedule": "angle"}, "no variable 'angle' for schedule"),
-        (
-            CYCLES,
-            {"cycle_onsets": "phase", "reference": "command"},
-            "no variable 'command' to serve as reference",
-        ),
         (
             {**CYCLES, **JOINT, "voluntary": 4.0},
             {"cycle_onsets": "phase"},

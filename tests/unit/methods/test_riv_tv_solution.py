@@ -7,14 +7,13 @@ import pytest
 from scipy import linalg
 from scipy import signal as sps
 
-from ankleloop import identify, new_trial, simulate
-from ankleloop.assessment.scores import parameter_row
+from ankleloop import new_trial, simulate
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.riv.equations import Parameters
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
 from ankleloop.methods.riv_tv.options import RivTvOptions
-from ankleloop.methods.riv_tv.solution import TimeVaryingSolution, solve_time_varying
+from ankleloop.methods.riv_tv.solution import solve_time_varying
 
 CYCLES = {"variation": "cycle", "duration": 31.0, "stiffness_variation": 0.4, "movement": 0.1}
 
@@ -73,16 +72,6 @@ def test_a_step_towards_an_effect_goes_where_the_record_without_it_is(
         assert alternative.shifts[name] == pytest.approx(shift, rel=0.25), name
 
 
-def test_an_estimated_lag_moves_the_means_by_the_shift(trial):
-    late = with_torque(trial, delay(trial))
-    fixed, freed = solve(late), solve(late, torque_lag=None)
-    (alternative,) = [found for found in find_alternatives(fixed) if found.effect == "torque_lag"]
-    assert freed.parameters.lag == pytest.approx(0.001, abs=2e-4)
-    for name in "BIG":
-        shift = freed.means[name] / fixed.means[name] - 1.0
-        assert alternative.shifts[name] == pytest.approx(shift, rel=0.25), name
-
-
 def test_the_covariance_of_a_mean_is_that_of_the_means_of_cycles(solution):
     """One unknown, a constant: its variance is that of n means over n, times what estimated weights add.
 
@@ -125,22 +114,3 @@ def test_the_strength_of_instruments_is_the_f_of_the_worst_regressor(solution):
     numerator = (np.sum(worst**2) - np.sum(residual**2)) / size
     f = numerator / (np.sum(residual**2) / (independent - size))
     assert solution.weakness_f == pytest.approx(f, rel=0.01)
-
-
-@pytest.mark.parametrize(("statistic", "warned"), [(9.9, True), (10.1, False)])
-def test_instruments_are_weak_below_an_f_of_ten(trial, monkeypatch, statistic, warned):
-    monkeypatch.setattr(TimeVaryingSolution, "weakness_f", statistic)
-    warnings = identify(trial, "riv-tv", cycle_onsets="phase").diagnostics["warnings"]
-    assert any("the instruments are weak" in text for text in warnings) is warned
-
-
-@pytest.mark.parametrize(("knots", "tested"), [((1, 5, 5), {"B", "G", "all"}), ((1, 1, 1), set())])
-def test_what_cannot_vary_has_no_probability_of_a_variation(trial, knots, tested):
-    estimate = identify(
-        trial, "riv-tv", cycle_onsets="phase", knots=knots, interpolation="constant"
-    )
-    probabilities = estimate.diagnostics["variation_p"]
-    assert set(probabilities) == tested
-    assert np.all(np.isfinite(list(probabilities.values())))
-    row = parameter_row(trial, estimate)
-    assert row.get("variation_p") == probabilities.get("all")
