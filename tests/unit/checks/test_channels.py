@@ -112,14 +112,6 @@ def test_a_spike_stands_out_at_any_rate_and_a_step_does_not(rate):
     assert f"at sample {sample} (" in finding.text
 
 
-def test_a_spike_is_five_times_as_high_as_the_usual_peak():
-    torque = np.zeros(10_000)
-    torque[250::500] = 1.0
-    for height, verdict in ((4.9, "ok"), (5.1, "refused")):
-        torque[4250] = height
-        assert check_spikes(with_torque(torque), "torque").verdict == verdict
-
-
 def test_sparse_pulses_are_no_spikes():
     for seed in range(3):
         trial = simulate(

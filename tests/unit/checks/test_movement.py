@@ -8,10 +8,8 @@ from ankleloop import new_trial, simulate
 from ankleloop.checks.movement import (
     check_bandwidth,
     check_excitation,
-    check_reference,
     check_relation,
     check_scale,
-    check_sign,
     check_size,
     check_velocity,
     motion_products,
@@ -82,32 +80,6 @@ def test_correlations_of_the_reference_against_numpy(trial):
         np.corrcoef(reference[:-lag], motion.signals[0, lag:])[0, 1] ** 2 for lag in range(1, 11)
     ]
     assert later == pytest.approx(max(position, *shifted), abs=0.02)
-
-
-def test_an_unrelated_reference_is_refused_at_any_length():
-    options = {
-        "delay": 0.04,
-        "basis": "rectifier",
-        "identification_rate": 100.0,
-        "reference": "reference",
-    }
-    for duration in (12.0, 30.0):
-        for seed in range(4):
-            trial = simulate(seed=seed, duration=duration)
-            assert check_reference([prepare(trial).regressors(**options)]).verdict == "ok"
-            other = simulate(seed=seed + 50, duration=duration)["reference"]
-            finding = check_reference(
-                [prepare(trial.assign(reference=other)).regressors(**options)]
-            )
-            assert finding.verdict == "refused"
-
-
-def test_signs():
-    trial = prepare(simulate(seed=1, duration=10.0))
-    assert check_sign(trial, np.array([100.0, 1.0, 0.01]), 0.9).verdict == "ok"
-    assert check_sign(trial, np.array([-100.0, 1.0, 0.01]), 0.1).verdict == "ok"
-    assert check_sign(trial, np.array([-100.0, 1.0, 0.01]), 0.5).verdict == "refused"
-    assert check_sign(trial, np.array([-100.0, -1.0, -0.01]), 0.1).verdict == "refused"
 
 
 def test_the_scale_of_a_channel():
