@@ -126,11 +126,6 @@ def test_bounds_shrink_with_the_noise_and_grow_with_the_knots(variation):
         ({}, "derived for a joint that varies"),
         ({"variation": "cycle", "reflex_threshold": 0.1}, "set .* reflex_threshold=0"),
         ({"variation": "cycle", "snr_db": None, "voluntary": 0.0}, "and snr_db or voluntary"),
-        (
-            {"variation": "cycle", "knots": (2, 8, 12)},
-            "trajectory_bound: knots of cubic splines must be at least 4",
-        ),
-        ({"variation": "cycle", "known_delay": 1}, "known_delay must be"),
     ],
 )
 def test_settings_without_a_bound(settings, message):

@@ -76,18 +76,6 @@ def test_trajectories_over_something_else_and_constant_joints_have_no_scores():
     assert score_trajectories(constant, make_estimate(smooth(PLACES))) == {}
 
 
-def test_the_truth_is_that_of_the_simulation():
-    for variation in ("cycle", "time", "schedule"):
-        trial = simulate(
-            seed=1, duration=20.0, variation=variation, stiffness_variation=0.4, stiffness_peak=0.3
-        )
-        truths = true_trajectories(trial)
-        (dimension,) = truths.sizes
-        place = truths[dimension] / (20.0 if variation == "time" else 1.0)
-        expected = 150.0 * (1.0 + 0.4 * np.cos(2 * np.pi * (place - 0.3)))
-        np.testing.assert_allclose(truths["K"], expected, atol=0.01)
-
-
 def test_rows_of_tables_hold_the_scores_of_varying_and_of_constant_estimates():
     trial = simulate(seed=1, duration=30.0, variation="cycle", stiffness_variation=0.4)
     varying = parameter_row(trial, identify(trial, "riv-tv", cycle_onsets="phase"))

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from ankleloop import DataError, check_trial, identify, plan_duration, simulate
+from ankleloop import DataError, identify, plan_duration, simulate
 
 JOINT = {"load": (0.1, 10.0, 100.0), "voluntary": 0.3, "duration": 24.0}
 
@@ -38,21 +38,6 @@ def test_a_plan_is_a_length_that_can_be_recorded(pilot, width):
     plan = plan_duration(pilot, {"K": width})
     assert plan.seconds == max(10.0, np.ceil(plan.needed["K"]))
     assert 10.0 <= plan.interval[0] <= plan.seconds <= plan.interval[1]
-
-
-@pytest.mark.parametrize("joint", ["pilot", "settings"])
-def test_a_plan_that_needs_less_than_a_check_asks_for(pilot, joint):
-    plan = plan_duration(pilot if joint == "pilot" else JOINT, {"K": 2.0})
-    assert plan.needed["K"] < 1.0
-    assert str(plan) == (
-        "K within ±200 %: 1 s\n"
-        "Record 10 s (10 … 10 s): a check of the recording refuses a shorter one."
-    )
-    verdicts = {}
-    for seconds in (plan.seconds, plan.seconds - 0.5):
-        findings = check_trial(simulate(seed=1, duration=seconds)).findings
-        verdicts[seconds] = next(item.verdict for item in findings if item.name == "length")
-    assert verdicts == {10.0: "warning", 9.5: "refused"}
 
 
 def test_the_interval_of_a_plan_is_normal_in_the_logarithm_of_the_time(pilot):

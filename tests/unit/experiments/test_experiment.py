@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from ankleloop import (
     DataError,
-    UnstableLoopError,
     cramer_rao,
     design_perturbation,
     identify,
@@ -83,19 +82,6 @@ def test_an_own_command_has_its_own_duration():
     assert trial.attrs["duration"] == 6.0
     assert trial.identical(simulate(seed=5, command=command, duration=6.0))
     assert simulate(seed=5, command=command, recording_rate=2000.0).attrs["duration"] == 3.0
-    with pytest.raises(DataError, match=r"7000 finite numbers .*for a duration of 7 s.*leave out"):
-        simulate(seed=5, command=command, duration=7.0)
-    with pytest.raises(DataError, match="6000 finite numbers"):
-        simulate(seed=5, command=np.full(6000, np.nan))
-
-
-def test_a_command_of_another_rate_is_refused():
-    command = simulate(seed=5, duration=6.0, recording_rate=2000.0)["reference"]
-    with pytest.raises(
-        DataError, match=r"command has 2000 samples a second, .*recording_rate=2000"
-    ):
-        simulate(seed=5, command=command)
-    assert simulate(seed=5, command=command, recording_rate=2000.0).attrs["duration"] == 6.0
 
 
 @given(
@@ -168,8 +154,6 @@ def test_a_planned_record_with_a_new_sequence():
     assert own.sizes["time"] == 1000 * design.seconds
     shared = min(steps.size, own.size)  # a longer sequence begins as a shorter one
     np.testing.assert_allclose(steps[:shared], (own.values / abs(own[0].item()))[:shared])
-    with pytest.raises(ValueError, match="draw: seconds must be between 1 and 3600 s, got 0"):
-        design.draw(seed=1, seconds=0)
 
 
 def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
@@ -206,13 +190,5 @@ def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
     written = scipy.io.loadmat(tmp_path / "command.mat", squeeze_me=True)
     np.testing.assert_allclose(written["command"], second)
     assert written["fs"] == 1000.0
-    design.save(tmp_path / "longer.csv", seed=2, seconds=30.0)
-    longer = pd.read_csv(tmp_path / "longer.csv")["command"]
-    np.testing.assert_allclose(longer, design.draw(2, seconds=30.0))
     with pytest.raises(DataError, match="exists already"):
         design.save(tmp_path / "command.csv", seed=3)
-
-
-def test_a_joint_that_is_unstable_with_its_load():
-    with pytest.raises(UnstableLoopError, match="heavier or more damped load"):
-        design_perturbation({"load": (0.1, 5.0, 100.0), "reflex_gain": 30.0})

@@ -8,7 +8,6 @@ from ankleloop.signals.decimation import (
     decimate,
     decimation_factor,
     decimation_margin,
-    decimation_taps,
 )
 
 RATE, FACTOR = 1000.0, 10
@@ -65,11 +64,6 @@ def test_constants_and_ramps():
     )
 
 
-def test_zero_phase():
-    kernel = decimation_taps(FACTOR, 0)[0]
-    np.testing.assert_allclose(kernel, kernel[::-1], atol=1e-15)
-
-
 def test_the_margin_is_sufficient_and_necessary():
     margin = decimation_margin(FACTOR)
     x = np.random.default_rng(0).standard_normal(2 * margin + 1)
@@ -79,13 +73,6 @@ def test_the_margin_is_sufficient_and_necessary():
         decimate(x, FACTOR, margin + 1, 1, derivative=1)
     with pytest.raises(DataError, match="too short"):
         decimate(x, FACTOR, margin - 1, 1, derivative=1)
-
-
-@pytest.mark.parametrize(
-    ("rate", "identification_rate", "factor"), [(1000, 100, 10), (100, 100, 1), (2000.0, 250.0, 8)]
-)
-def test_factor(rate, identification_rate, factor):
-    assert decimation_factor(rate, identification_rate) == factor
 
 
 @settings(deadline=None)

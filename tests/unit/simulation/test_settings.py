@@ -30,16 +30,6 @@ def test_a_simulation_beyond_the_memory_is_refused_before_it_begins(monkeypatch,
         simulate(seed=1, **settings)
 
 
-def test_defaults_of_the_paper():
-    published = {
-        "stiffness": 150.0, "viscosity": 0.8, "inertia": 0.015, "omega_n": 40.0, "zeta": 1.0, "delay": 0.04,
-        "amplitude": 0.04, "switching_interval": 0.1, "voluntary_cutoff": 2.0, "snr_db": 10.0, "duration": 50.0,
-    }  # fmt: skip
-    defaults = SimulationSettings.defaults()
-    assert {name: defaults[name] for name in published} == published
-    assert list(defaults) == list(SimulationSettings.model_fields)  # none is required
-
-
 def test_the_parameters_of_the_load_may_come_together():
     settings = SimulationSettings.parse(
         "simulate", load=np.array([0.1, 10.0, 100.0]), load_stiffness=300.0

@@ -1,14 +1,10 @@
 """Simulated trials: seeds, levels of the disturbances, parts of the torque, stability."""
 
-import hashlib
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from scipy import signal as sps
 
-from ankleloop import UnstableLoopError, simulate
+from ankleloop import simulate
 
 RATE = 1000.0
 
@@ -20,24 +16,12 @@ def test_the_same_seed_gives_the_same_bits():
         first["torque"]
     )
     assert not np.array_equal(first["reference"], other["reference"])
-    script = (
-        "import ankleloop, hashlib;"
-        "print(hashlib.sha256(ankleloop.simulate(seed=7, duration=5.0)['torque'].values.tobytes()).hexdigest())"
-    )
-    digest = hashlib.sha256(first["torque"].values.tobytes()).hexdigest()
-    process = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert process.stdout.strip() == digest
 
 
 def test_a_seed_sequence_is_not_changed():
     seed = np.random.SeedSequence([1, 2, 3])
     assert simulate(seed=seed, duration=5.0).identical(simulate(seed=seed, duration=5.0))
     assert seed.n_children_spawned == 0
-    np.testing.assert_array_equal(
-        seed.generate_state(4), np.random.SeedSequence([1, 2, 3]).generate_state(4)
-    )
     children = [simulate(seed=child, duration=5.0)["torque"].values for child in seed.spawn(2)]
     assert not np.array_equal(*children)
 
@@ -92,19 +76,6 @@ def test_settling_is_simulated_and_dropped():
     settled = simulate(seed=2, duration=5.0, settling=5.0, snr_db=None, voluntary=0.0)
     np.testing.assert_array_equal(unsettled["position"][5000:], settled["position"])
     assert float(settled["time"][0]) == 0.0
-
-
-def test_an_unstable_loop_is_an_error_that_names_its_parameters():
-    with pytest.raises(UnstableLoopError) as error:
-        simulate(seed=1, load=(0.1, 5.0, 100.0), reflex_gain=30.0)
-    for name in (
-        "load_inertia=0.1",
-        "load_viscosity=5",
-        "load_stiffness=100",
-        "reflex_gain=30",
-        "delay=0.04",
-    ):
-        assert name in str(error.value)
 
 
 def test_without_an_antialiasing_filter_signals_are_sampled_as_they_are():

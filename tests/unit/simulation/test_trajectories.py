@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_loop import AdaptiveSolution, append_net, external_signals, run
 
-from ankleloop import DataError, load_trial, save_trial, simulate
+from ankleloop import DataError, simulate
 from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
@@ -150,7 +150,7 @@ def test_tables_are_joined_by_straight_lines():
     assert np.ptp(time["viscosity_true"].values) == 0.0
 
 
-def test_movement_and_locked_torque_repeat_with_the_cycle(tmp_path):
+def test_movement_and_locked_torque_repeat_with_the_cycle():
     settings = {"duration": 8.0, "variation": "cycle", "cycle_duration": 1.0, **QUIET}
     moving = simulate(seed=2, movement=0.3, locked_torque=0.5, amplitude=1e-6, **settings)
     for name in ("reference", "torque_voluntary"):
@@ -161,8 +161,6 @@ def test_movement_and_locked_torque_repeat_with_the_cycle(tmp_path):
     level = float(np.std(still["torque"].values))
     locked = simulate(seed=2, locked_torque=0.5, movement=0.3, **settings)["torque_voluntary"]
     assert float(locked.std()) == pytest.approx(0.5 * level, rel=0.02)
-    save_trial(moving, tmp_path / "moving.nc")
-    assert load_trial(tmp_path / "moving.nc").identical(moving)
 
 
 @pytest.mark.parametrize("settling", [0.0, 5.0])

@@ -157,14 +157,6 @@ def test_the_order_by_default(instruments):
     assert_same_transfer_function(matrices(estimate), truth, 1e-8)
 
 
-def test_the_order_by_default_of_the_fewest_block_rows():
-    u = np.random.default_rng(2).standard_normal((400, 1))
-    y = sps.lfilter([0.0, 1.0], [1.0, -0.6], u, axis=0)
-    estimate = moesp(u, y, block_rows=2, order=None)
-    assert estimate.diagnostics["order"] == 1
-    np.testing.assert_allclose(estimate.model.poles(), 0.6, atol=1e-9)
-
-
 # --- the closed loop
 
 
@@ -238,23 +230,6 @@ def test_leads_are_rows_of_the_reference_in_the_future():
 # --- errors
 
 
-def test_the_error_names_a_missing_sample():
-    _, u, y, r = simulate_with_reference(samples=300)
-    for name, signal, arguments in (
-        ("input", u, ()),
-        ("output", y, ()),
-        ("reference", r, ("past-reference",)),
-    ):
-        for value in (np.nan, np.inf):
-            faulty = signal.copy()
-            faulty[[17, 200], 1] = value
-            data = {"input": u, "output": y, "reference": r} | {name: faulty}
-            with pytest.raises(
-                DataError, match=f"{name} 1 is not finite at sample 17: cut or repair the record"
-            ):
-                moesp(data["input"], data["output"], 5, 2, *arguments, reference=data["reference"])
-
-
 @pytest.mark.parametrize("level", [0.0, 0.1, -3e5])
 @pytest.mark.parametrize("name", ["input", "output", "reference"])
 def test_the_error_names_a_constant_channel(name, level):
@@ -288,24 +263,6 @@ def test_a_record_shorter_than_its_hankel_window(instruments, projection, least)
 
 
 # --- the guard
-
-
-def test_an_unstable_estimate_is_replaced_and_reported():
-    rng = np.random.default_rng(3)
-    u = rng.standard_normal((150, 1))
-    y = np.empty(150)
-    state = 0.0
-    for t in range(150):
-        y[t] = state
-        state = 1.05 * state + u[t, 0]
-    estimate = moesp(u, y, 6, 1)
-    assert np.max(np.abs(estimate.model.poles())) < 1
-    assert not estimate.diagnostics["stable"]
-    (warning,) = estimate.diagnostics["warnings"]
-    assert warning.startswith(
-        "least squares gave an unstable A (spectral radius 1.0500) at order 1"
-    )
-    assert "Lower the order" in warning
 
 
 def test_a_projection_beyond_the_memory_is_refused_before_it_begins(monkeypatch):

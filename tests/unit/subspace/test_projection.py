@@ -195,15 +195,6 @@ def test_instruments_inside_the_inputs_are_refused_whatever_their_size(scale):
 # --- errors
 
 
-@pytest.mark.parametrize("order", [1, 3])
-def test_the_error_states_the_rows_that_the_correlation_form_needs(order):
-    U, Y, Z = random_matrices(np.random.default_rng(9), 6, 4, 6 + order, 60)
-    project(U, Y, Z, "correlation", TOLERANCE, order)
-    message = rf"has {5 + order} rows of instruments, but needs at least {6 + order} \(.*Raise instrument_rows"
-    with pytest.raises(DataError, match=message):
-        project(U, Y, Z[1:], "correlation", TOLERANCE, order)
-
-
 # --- inner products
 
 

@@ -104,11 +104,3 @@ def test_merged_records_are_simulated_with_means_of_their_own():
         np.testing.assert_allclose(estimate.simulate(inputs, number), outputs, atol=1e-8)
     assert estimate.offsets.shape == (2, 1)
     assert estimate.input_means.shape == (2, 2)
-
-
-def test_without_offsets_nothing_is_added(u):
-    y = simulate(u)
-    estimate = moesp(u, y, 6, 2, offsets=False)
-    np.testing.assert_array_equal(estimate.input_means, 0.0)
-    np.testing.assert_allclose(estimate.offsets, 0.0, atol=1e-12)
-    np.testing.assert_allclose(estimate.simulate(u), y, atol=1e-8)
