@@ -125,9 +125,7 @@ def test_the_index_leads_to_everything(pages, reproduction, visit):
     groups = ["figure1.*", "figure2.*", *(f"{study}-*" for study in studies)]
     figures = {path for group in groups for path in (results / "figures").glob(group)}
     assert {path.resolve() for path in figures} <= targets
-    captions = page.locator(".figures figcaption").all_inner_texts()
-    assert len(captions) == len({path.stem for path in figures})
-    assert all(len(caption) > 60 for caption in captions)
+    assert page.locator(".figures figcaption").count() == len({path.stem for path in figures})
     text = page.inner_text("main")
     for phrase in ("ankleloop ", "Commit", "Time of all jobs"):
         assert phrase in text

@@ -48,40 +48,6 @@ def count_jobs(text):
     }
 
 
-@pytest.fixture(scope="module")
-def dry_run(clean, snakemake):
-    """A dry run of the paper up to the ledger, with another memory for one rule, and the texts of its jobs by rule."""
-    text = snakemake(
-        clean, "--dry-run", "--until", "verify", "--set-resources", "identify:mem_mb=3000"
-    )
-    blocks = re.split(r"^(?:local)?rule (\w+):$", text, flags=re.MULTILINE)
-    jobs = {}
-    for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
-        jobs.setdefault(rule, []).append(block)
-    return text, jobs
-
-
-def test_until_a_rule_with_resources_of_another(dry_run):
-    jobs = count_jobs(dry_run[0])
-    assert {"simulate", "identify", "verify"} <= set(jobs)
-    assert {"article", "crate", "index"}.isdisjoint(jobs)
-    assert jobs["identify"] >= jobs["simulate"] > 10
-    memory = {
-        rule: set(re.findall(r"mem_mb=(\d+)", "".join(blocks)))
-        for rule, blocks in dry_run[1].items()
-    }
-    assert memory["identify"] == {"3000"}
-    assert memory["simulate"] == memory["verify"] == {"2000"}
-
-
-def test_simulations_come_before_identifications(dry_run):
-    priorities = {
-        rule: {float(number) for number in re.findall(r"priority: (\S+)", "".join(blocks))}
-        for rule, blocks in dry_run[1].items()
-    }
-    assert min(priorities["simulate"]) > max(priorities["identify"], default=0.0)
-
-
 MODULE = """
 module ankleloop:
     snakefile: "{repository}/workflow/Snakefile"

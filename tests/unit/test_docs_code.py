@@ -9,11 +9,11 @@ import textwrap
 from pathlib import Path
 from typing import NamedTuple
 
-import h5py
 import matplotlib.pyplot as plt
 import pandas as pd
 import pytest
 import yaml
+from snakemake.utils import update_config
 
 import ankleloop
 from ankleloop.config.run import read_run
@@ -100,7 +100,7 @@ YAML = [
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """The files that readers of the pages have: recordings in several states, a long one, a table of trials."""
+    """The files that readers of the pages have: recordings in several states, a table of trials."""
     folder = tmp_path_factory.mktemp("files")
     trial = ankleloop.simulate(seed=1, duration=30.0)
     table = pd.DataFrame(
@@ -125,13 +125,6 @@ def files(tmp_path_factory):
         part.assign(time=part["time"] - part["time"].iloc[0]).to_csv(
             folder / f"part{number}.csv", index=False
         )
-    with h5py.File(folder / "long.h5", "w") as file:
-        for name, values in (
-            ("angle", table.position),
-            ("moment", -table.torque),
-            ("command", table.reference),
-        ):
-            file[name] = values.to_numpy()[::10]
     write_sweep(folder / "results" / "tables" / "sweep-trials.parquet")
     (folder / "sweep.csv").write_text("reflex_gain\n8.0\n12.0\n", encoding="utf-8")
     return folder
@@ -194,20 +187,10 @@ def test_python_runs_and_prints_what_the_page_shows(page, folder):
         plt.close("all")
 
 
-def merge(base, changes):
-    """Override keys, as Snakemake does with files of --configfile."""
-    for key, value in changes.items():
-        base[key] = (
-            merge(base[key], value)
-            if isinstance(value, dict) and isinstance(base.get(key), dict)
-            else value
-        )
-    return base
-
-
 def check_config(text):
     Path("mine.yaml").write_text(text, encoding="utf-8")
-    config = merge(yaml.safe_load(CONFIG.read_text(encoding="utf-8")), yaml.safe_load(text))
+    config = yaml.safe_load(CONFIG.read_text(encoding="utf-8"))
+    update_config(config, yaml.safe_load(text))
     read_run(config, [str(CONFIG), "mine.yaml"])
 
 

@@ -1,6 +1,5 @@
 """The command: help, exit statuses, messages, colours."""
 
-import os
 import pickle
 import subprocess
 import sys
@@ -29,15 +28,6 @@ def test_help_imports_nothing_that_takes_time():
         [sys.executable, "-c", MODULES], capture_output=True, text=True, check=True
     )
     assert process.stdout.splitlines()[-1] == "[]"
-
-
-@pytest.mark.parametrize("program", [["ankleloop"], [sys.executable, "-m", "ankleloop"]])
-def test_both_entries_are_the_command(program):
-    path = f"{os.path.dirname(sys.executable)}{os.pathsep}{os.environ['PATH']}"
-    process = subprocess.run(
-        [*program, "--version"], capture_output=True, text=True, env={**os.environ, "PATH": path}
-    )
-    assert (process.returncode, process.stdout) == (0, f"ankleloop {ankleloop.__version__}\n")
 
 
 @pytest.mark.parametrize(

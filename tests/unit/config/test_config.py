@@ -1,6 +1,9 @@
 """The configuration: defaults from the library, and errors that name the key."""
 
+from copy import deepcopy
+
 import pytest
+from snakemake.utils import update_config
 
 from ankleloop.config.checking import ConfigError
 from ankleloop.config.study import read_studies
@@ -14,14 +17,9 @@ METHOD = ("studies", "table1", "methods", "a")
 def test_every_configuration_of_the_repository_is_valid(config, read_config, overlay, monkeypatch):
     monkeypatch.setenv("ANKLELOOP_RECORDINGS", "recordings")
 
-    def lay_over(below, above):
-        merged = {**below}
-        for key, value in above.items():
-            both = isinstance(value, dict) and isinstance(below.get(key), dict)
-            merged[key] = lay_over(below[key], value) if both else value
-        return merged
-
-    read_studies(lay_over(config, read_config(overlay)))
+    merged = deepcopy(config)
+    update_config(merged, read_config(overlay))
+    read_studies(merged)
 
 
 TABLE1 = ("studies", "table1")

@@ -5,24 +5,17 @@ from pathlib import Path
 import pytest
 
 from ankleloop.config.checking import ConfigError
-from ankleloop.config.notebooks import LIST, list_figures, read_notebooks
+from ankleloop.config.notebooks import list_figures, read_notebooks
 from ankleloop.config.run import read_run
 from ankleloop.pages.study_page import StudyPage
 
 NOTEBOOKS = read_notebooks()
-ALONE = {"article", "explore", "walkthrough"}  # they render no study
 
 
 def read(**settings):
     study = {"kind": "simulation", "seed": 1, "trials": 2, "notebook": "sweep"}
     study |= {"points": {"voluntary": [0.1, 0.5]}, "methods": {"riv": {"method": "riv"}}}
     return read_run({"studies": {"s": study | settings}}, [])[1]["s"]
-
-
-def test_the_list_has_every_notebook_of_studies():
-    stems = {path.stem for path in LIST.parent.glob("*.ipynb")}
-    assert set(NOTEBOOKS) == stems - ALONE
-    assert all(notebook.figures for notebook in NOTEBOOKS.values())
 
 
 def test_unknown_notebooks_and_those_of_other_studies_are_refused():

@@ -239,13 +239,3 @@ def test_a_parameter_of_the_sweep_keeps_its_column_beside_the_estimate_of_its_na
     assert rows["point.delay"].tolist() == [0.03, 0.05]
     np.testing.assert_allclose(rows["delay"], rows["point.delay"], atol=0.01)
     assert (rows["delay_low"] < rows["delay_high"]).all()
-
-
-def test_a_trial_file_that_is_cut_off_is_named_with_the_remedy(tmp_path):
-    path = tmp_path / "trials.nc"
-    write_trials(path, "small", 3, TWO)
-    content = path.read_bytes()
-    path.write_bytes(content[: len(content) // 2])
-    with pytest.raises(DataError, match=r"trials\.nc.*delete it") as caught:
-        list(read_trials(path, TWO))
-    assert "\n" not in str(caught.value)
