@@ -201,6 +201,14 @@ def test_estimates_with_a_warning_are_not_trusted_and_have_no_intervals(
     assert "every method that was fitted has a warning (riv)" in recommendation.text
 
 
+def test_a_warning_about_the_data_is_a_caution_and_decides_nothing():
+    trial = simulate(seed=1, duration=20.0)
+    analysis = analyse(trial.assign(reference=trial["position"]), {"PR": METHODS["PR"]})
+    row = analysis.table.loc[0]
+    assert row["trusted"]
+    assert "reference is a copy of the position" in row["caution"]
+
+
 def test_a_half_that_is_too_short_does_not_stop_the_fit_of_the_whole():
     options = {"basis": "spline", "block_rows": 40, "input_matrices": "instruments"}
     analysis = analyse(
