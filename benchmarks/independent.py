@@ -12,22 +12,22 @@ from scipy import signal
 
 from ankleloop import new_trial
 
-SETTLING = 5.0  # s ahead of the record, which are dropped
 FAST = 10_000  # Hz, of the integration
-NOISE_RATE = 100  # Hz, at which the values of the noise are held
-BROAD = 1000.0  # Hz
-# Levels, their durations [s] and the cutoff of a low-pass [Hz]; beside them there is "multisine".
+SETTLING = 50_000  # samples ahead of the record, which are dropped
+DELAY = 400  # samples, of the reflex
+HOLD = 100  # samples over which a value of the noise is held
+# Levels, their lengths in samples and the cutoff of a low-pass [Hz]; beside them there is "multisine".
 KINDS = {
-    "prbs": ((-1.0, 1.0), (0.1,), BROAD),
-    "slow": ((-1.0, 1.0), (0.1,), 5.0),
-    "3 levels": ((-1.0, 0.0, 1.0), (0.1,), BROAD),
-    "steps": (np.linspace(-1.0, 1.0, 21), np.linspace(0.1, 0.5, 21), BROAD),
-    "dwells": ((-1.0, 1.0), (0.02, 0.04, 0.08, 0.15, 0.3, 0.6), BROAD),
-    "gaussian": ((-1.0, 1.0), (0.001,), 10.0),  # the sum of many
+    "prbs": ((-1, 1), (1000,), 1000.0),
+    "slow": ((-1, 1), (1000,), 5.0),
+    "3 levels": ((-1, 0, 1), (1000,), 1000.0),
+    "steps": (np.linspace(-1, 1, 21), range(1000, 5000), 1000.0),
+    "dwells": ((-1, 1), (200, 400, 800, 1500, 3000, 6000), 1000.0),
+    "gaussian": ((-1, 1), (10,), 10.0),  # the sum of many
 }
 # Places in the state; behind each of the first three stands its rate.
 SERVO = 0
-GIVE = 2  # of the load
+JOINT = 2
 MUSCLE = 4  # torque of reflex and reaction
 CREEP = 6
 BRISTLE = 7
@@ -35,92 +35,81 @@ STATES = 8
 
 
 class Plant(NamedTuple):
-    """Joint, load and actuator."""
+    """Joint and load."""
 
     stiffness: float = 150.0
     viscosity: float = 0.8
     inertia: float = 0.015
     gain: float = 13.0
-    delay: float = 0.04
-    omega: float = 40.0  # of the muscle, critically damped
     antagonist: float = 0.0  # reflex gain in the other direction
     reaction: float = 0.0  # to the position, against it [N·m/rad]
-    latency: float = 0.165  # of the reaction
+    latency: int = 1650  # samples, of the reaction
     cubic: float = 0.0  # N·m/rad³
     drag: float = 0.0  # N·m·s²/rad²
-    relaxing: float = 0.0  # stiffness that relaxes [N·m/rad]
-    relaxation: float = 0.5  # time constant
-    short_range: float = 0.0  # stiffness that yields [N·m/rad]
-    yielding: float = 0.005  # rad
-    stiffness_change: float = 0.0  # over the record, of what it is at its start
-    gain_change: float = 0.0
-    load_inertia: float = 1.1
-    load_viscosity: float = 7.1
-    load_stiffness: float = 250.0
-    servo: float = 125.66  # rad/s
-    damping: float = 0.8  # of the servo
+    relaxing: float = 0.0  # stiffness that relaxes, in 0.5 s [N·m/rad]
+    short_range: float = 0.0  # stiffness that yields, after 5 mrad [N·m/rad]
+    fatigue: float = 0.0  # fall over the record, of the mean of K; twice as much of that of G
+    load: tuple = (1.1, 7.1, 250.0)  # its inertia, viscosity and stiffness
+
+
+@njit(cache=True)
+def _follow(state, place, omega, damping, target, rates):
+    """Rates of a second-order system that follows a target."""
+    speed = state[place + 1]
+    rates[place] = speed
+    rates[place + 1] = omega * (omega * (target - state[place]) - 2.0 * damping * speed)
 
 
 @njit(cache=True)
 def _move(state, plant, stiffness, command, drive, external, rates):
     """Rates of the state; command, drive of the muscle and external torque are held over a step."""
-    position = state[SERVO] - state[GIVE]
-    velocity = state[SERVO + 1] - state[GIVE + 1]
+    position = state[JOINT]
+    velocity = state[JOINT + 1]
     speed = abs(velocity)
-    pull = plant.servo * (command - state[SERVO]) - 2.0 * plant.damping * state[SERVO + 1]
-    rates[SERVO] = state[SERVO + 1]
-    rates[SERVO + 1] = plant.servo * pull
-    rates[MUSCLE] = state[MUSCLE + 1]
-    rates[MUSCLE + 1] = plant.omega * (
-        plant.omega * (drive - state[MUSCLE]) - 2.0 * state[MUSCLE + 1]
-    )
-    rates[CREEP] = (position - state[CREEP]) / plant.relaxation
-    rates[BRISTLE] = velocity - speed * state[BRISTLE] / plant.yielding
-    force = stiffness * position + plant.cubic * position**3
-    force += (plant.viscosity + plant.drag * speed) * velocity
-    force += plant.relaxing * (position - state[CREEP]) + plant.short_range * state[BRISTLE]
-    force += plant.inertia * rates[SERVO + 1] + state[MUSCLE] + external
-    force -= plant.load_viscosity * state[GIVE + 1] + plant.load_stiffness * state[GIVE]
-    rates[GIVE] = state[GIVE + 1]
-    rates[GIVE + 1] = force / (plant.load_inertia + plant.inertia)
+    _follow(state, SERVO, 125.66, 0.8, command, rates)
+    _follow(state, MUSCLE, 40.0, 1.0, drive, rates)
+    rates[CREEP] = (position - state[CREEP]) / 0.5
+    rates[BRISTLE] = velocity - speed * state[BRISTLE] / 0.005
+    torque = stiffness * position + plant.cubic * position**3 + state[MUSCLE] + external
+    torque += (plant.viscosity + plant.drag * speed) * velocity
+    torque += plant.relaxing * (position - state[CREEP]) + plant.short_range * state[BRISTLE]
+    load_inertia, load_viscosity, load_stiffness = plant.load
+    push = load_inertia * rates[SERVO + 1] + load_viscosity * (state[SERVO + 1] - velocity)
+    push += load_stiffness * (state[SERVO] - position)
+    rates[JOINT] = velocity
+    rates[JOINT + 1] = (push - torque) / (load_inertia + plant.inertia)
 
 
 @njit(cache=True)
-def _integrate(plant, command, external, progress):
-    """States at the ends of the steps, from rest.
+def _integrate(plant, command, external):
+    """States over time, from rest.
 
-    Shapes: command, external torque and progress through the record (N,); returns (N + 1, STATES).
+    Shapes: command and external torque (N,), held over a step; returns (N, STATES).
     """
-    states = np.zeros((command.size + 1, STATES))
+    states = np.zeros((command.size, STATES))
     rates = np.zeros((4, STATES))
-    point = np.zeros(STATES)
-    delay = round(plant.delay * FAST)
-    latency = round(plant.latency * FAST)
-    for n in range(command.size):
-        stiffness = plant.stiffness * (1.0 + plant.stiffness_change * progress[n])
-        gain = plant.gain * (1.0 + plant.gain_change * progress[n])
-        earlier = states[max(n - delay, 0)]
-        velocity = earlier[SERVO + 1] - earlier[GIVE + 1]
-        drive = gain * max(velocity, 0.0) + plant.antagonist * min(velocity, 0.0)
-        earlier = states[max(n - latency, 0)]
-        drive += plant.reaction * (earlier[SERVO] - earlier[GIVE])
+    for n in range(command.size - 1):
+        fatigue = plant.fatigue * (max(n - SETTLING, 0) / (command.size - SETTLING) - 0.5)
+        stiffness = plant.stiffness * (1.0 - fatigue)
+        velocity = states[max(n - DELAY, 0), JOINT + 1]
+        drive = plant.gain * (1.0 - 2.0 * fatigue) * max(velocity, 0.0)
+        drive += plant.antagonist * min(velocity, 0.0)
+        drive += plant.reaction * states[max(n - plant.latency, 0), JOINT]
         for stage, share in enumerate((0.0, 0.5, 0.5, 1.0)):
-            for i in range(STATES):
-                point[i] = states[n, i] + share / FAST * rates[stage - 1, i]
+            point = states[n] + share / FAST * rates[stage - 1]
             _move(point, plant, stiffness, command[n], drive, external[n], rates[stage])
-        for i in range(STATES):
-            mean = (rates[0, i] + 2.0 * (rates[1, i] + rates[2, i]) + rates[3, i]) / 6.0
-            states[n + 1, i] = states[n, i] + mean / FAST
+        mean = (rates[0] + 2.0 * rates[1] + 2.0 * rates[2] + rates[3]) / 6.0
+        states[n + 1] = states[n] + mean / FAST
     return states
 
 
-def _run(plant, command, external, progress):
-    """Means of position and net torque over each step; the torque is what moves the load."""
-    states = _integrate(plant, command, external, progress)
-    mean = 0.5 * (states[:-1] + states[1:])
-    torque = plant.load_inertia * FAST * np.diff(states[:, GIVE + 1])
-    torque += plant.load_viscosity * mean[:, GIVE + 1] + plant.load_stiffness * mean[:, GIVE]
-    return mean[:, SERVO] - mean[:, GIVE], torque
+def _run(plant, command, external):
+    """Position, and the net torque, which is what the load gives way to."""
+    states = _integrate(plant, command, external)
+    give, velocity = (states[:, SERVO:JOINT] - states[:, JOINT:MUSCLE]).T
+    acceleration = np.gradient(velocity, 1.0 / FAST)
+    inertia, viscosity, stiffness = plant.load
+    return states[:, JOINT], inertia * acceleration + viscosity * velocity + stiffness * give
 
 
 def _pass_low(x, cutoff, order=4):
@@ -134,11 +123,10 @@ def _draw_command(kind, rng, samples):
         lines = np.exp(2j * np.pi * rng.random(101))
         command = np.resize(np.fft.irfft(lines, 10 * FAST), samples)
     else:
-        levels, durations, cutoff = KINDS[kind]
-        count = int(samples / FAST / min(durations)) + 1
-        lengths = np.round(FAST * rng.choice(durations, count)).astype(int)
-        command = np.repeat(rng.choice(levels, count), lengths)[:samples]
-        command = _pass_low(command, cutoff)
+        levels, lengths, cutoff = KINDS[kind]
+        count = samples // min(lengths) + 1
+        steps = np.repeat(rng.choice(levels, count), rng.choice(lengths, count))
+        command = _pass_low(steps[:samples], cutoff)
     return 0.02 * command / command.std()
 
 
@@ -151,19 +139,17 @@ def simulate_independently(
     """
     plant = Plant(**plant)
     rng = np.random.default_rng(seed)
-    settling = round(SETTLING * FAST)
-    samples = settling + round(duration * FAST)
-    progress = np.linspace(-SETTLING / duration, 1.0, samples).clip(0.0)
+    samples = SETTLING + round(duration * FAST)
 
     def record(channel):
-        return _pass_low(channel, min(200.0, 0.2 * rate))[settling :: FAST // rate]
+        return _pass_low(channel, min(200.0, 0.2 * rate))[SETTLING :: FAST // rate]
 
     command = _draw_command(kind, rng, samples)
     slow = _pass_low(rng.standard_normal(samples), 2.0, order=2)
-    hold = FAST // NOISE_RATE
-    noise = np.repeat(rng.standard_normal(samples // hold), hold)
-    level = record(_run(plant, command, np.zeros(samples), progress)[1]).std()
-    external = voluntary * level / record(slow).std() * slow
-    external += 10 ** (-snr_db / 20) * level / record(noise).std() * noise
-    position, torque = _run(plant, command, external, progress)
-    return new_trial(record(position), record(torque), float(rate), record(command))
+    noise = np.repeat(rng.standard_normal(samples // HOLD), HOLD)
+    external = np.zeros(samples)
+    level = record(_run(plant, command, external)[1]).std()
+    for share, torque in ((voluntary, slow), (10 ** (-snr_db / 20), noise)):
+        external += share * level / record(torque).std() * torque
+    position, torque = _run(plant, command, external)
+    return new_trial(record(position), record(torque), rate, record(command))
