@@ -4,9 +4,8 @@
 """
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from itertools import chain
+from multiprocessing import Pool
 
 import numpy as np
 import pandas as pd
@@ -21,6 +20,7 @@ METHODS = {"riv": {}, "riv, spline": {"basis": "spline"}, "riv-tv": {}}
 GOOD = "good record"  # of any kind, duration, rate and level of noise
 # Sizes, the property of the joint that has them, and others; K and B are those at rest.
 JOINTS = {
+    GOOD: ((0.0,), "cubic", {}),
     "none": ((0.0,), "cubic", {}),
     "reaction against, at 150 to 180 ms [N·m/rad]": ((40.0, 80.0), "reaction", {}),
     "reaction with, at 150 to 180 ms [N·m/rad]": ((-40.0, -80.0), "reaction", {}),
@@ -58,12 +58,12 @@ def clip(x, size, trial):
 
 
 def amplify(x, size, trial):
-    return np.where(np.arange(x.size) < x.size // 2, x, size * x)
+    return x * np.repeat([1.0, size], x.size // 2)
 
 
 def lose_samples(x, size, trial):
     middle = x.size // 2
-    return np.concatenate([x[:middle], x[middle + size :], x[-size:]])
+    return np.concatenate([x[:middle], np.roll(x[middle:], -size)])
 
 
 def run_fast(x, size, trial):
@@ -77,8 +77,7 @@ def pass_low(x, size, trial):
 
 def interpolate(x, size, trial):
     samples = np.arange(x.size)
-    kept = samples[:: 1000 // size]
-    return np.interp(samples, kept, x[kept])
+    return np.interp(samples, samples[::size], x[::size])
 
 
 ALL = ["position", "torque", "reference"]
@@ -92,7 +91,7 @@ RECORDERS = {
     "samples lost in the position": ((5, 20), lose_samples, ["position"]),
     "series stiffness [N·m/rad]": ((2000.0, 1000.0), comply, ["position"]),
     "low-pass filters [Hz]": ((20.0, 10.0), pass_low, ALL),
-    "interpolation from [Hz]": ((500, 200), interpolate, ALL),
+    "interpolation from every n-th sample": ((2, 5), interpolate, ALL),
     "clock of the torque [ppm]": ((50.0, 200.0), run_fast, ["torque"]),
 }
 EFFECTS = JOINTS | RECORDERS
@@ -102,20 +101,20 @@ def draw_settings(effect, size, seed):
     """Settings of the simulation; loads and voluntary torque are taken in turn."""
     rng = np.random.default_rng(seed)
     settings = {"load": LOADS[seed % 2], "voluntary": (0.05, 0.5)[seed // 2 % 2]}
+    if effect in JOINTS:
+        _, name, others = JOINTS[effect]
+        settings |= {"latency": rng.integers(1500, 1800), name: size, **others}
     if effect == GOOD:
-        return settings | {
+        settings |= {
             "kind": rng.choice([*KINDS, "multisine"]),
             "duration": rng.choice([12.0, 20.0, 50.0, 120.0, 300.0]),
             "rate": rng.choice([200, 500, 1000, 2000, 5000, 10_000]),
             "snr_db": rng.choice([10.0, np.inf]),
         }
-    if effect in RECORDERS:
-        return settings
-    _, name, others = JOINTS[effect]
-    return settings | {"latency": rng.integers(1500, 1800), name: size, **others}
+    return settings
 
 
-def judge(effect, size, seed, methods):
+def judge(effect, size, methods, seed):
     """For each method whether it warned, was right or wrong (by 15 % of K, B or G), and the relative errors."""
     settings = draw_settings(effect, size, seed)
     trial = simulate_independently(seed, **settings)
@@ -143,33 +142,28 @@ def judge(effect, size, seed, methods):
     return rows
 
 
-def measure_effects(effects, seeds, good, methods=tuple(METHODS), jobs=2):
-    """Numbers of records by effect, size and method, and medians of the errors [%]."""
-    cases = [(GOOD, 0.0, seed) for seed in range(good)]
-    for effect in effects:
-        cases += [(effect, size, seed) for size in EFFECTS[effect][0] for seed in seeds]
-    with ProcessPoolExecutor(jobs) as pool:
-        judged = pool.map(partial(judge, methods=methods), *zip(*cases, strict=True))
-        outcomes = pd.DataFrame(chain.from_iterable(judged))
+def measure_effects(parts=("",), methods=tuple(METHODS), seeds=24, jobs=2):
+    """Numbers of records by effect, size and method, and medians of the errors [%]; parts are of names of effects."""
+    cases = []
+    for effect, (sizes, *_) in EFFECTS.items():
+        if any(part in effect for part in parts):
+            cases += [(effect, size, methods, seed) for size in sizes for seed in range(seeds)]
+    with Pool(jobs) as pool:
+        outcomes = pd.DataFrame(chain.from_iterable(pool.starmap(judge, cases)))
     groups = outcomes.groupby(["effect", "size", "method"], sort=False)
-    medians = 100.0 * groups[list(TRUTHS)].median()
     counts = groups[["warned", "right", "silently wrong", "warned for nothing"]].sum()
-    return counts.join(medians.map("{:+.0f}".format)).reset_index()
+    medians = 100.0 * groups[list(TRUTHS)].median()
+    return format_table(counts.join(medians.map("{:+.0f}".format)).reset_index())
 
 
 def main():
     """Print the outcomes of some effects."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("effects", nargs="*", default=[""], help="parts of their names, else all")
+    parser.add_argument("parts", nargs="*", default=[""], help="of names of effects; else all")
     parser.add_argument("--methods", nargs="+", default=list(METHODS), choices=METHODS)
     parser.add_argument("--seeds", type=int, default=24)
-    parser.add_argument("--good", type=int, default=0, help="number of good records")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
-    options = parser.parse_args()
-    chosen = [effect for effect in EFFECTS if any(part in effect for part in options.effects)]
-    seeds = range(options.seeds)
-    table = measure_effects(chosen, seeds, options.good, options.methods, options.jobs)
-    print(format_table(table))
+    print(measure_effects(**vars(parser.parse_args())))
 
 
 if __name__ == "__main__":
