@@ -18,10 +18,8 @@ from ankleloop import identify, new_trial
 
 METHODS = {"riv": {}, "riv, spline": {"basis": "spline"}, "riv-tv": {}}
 GOOD = "good record"
-LATENCIES = {
-    "long-latency reflex, at 90 ms [N·m/rad]": 900
-}  # samples at 10 kHz, else 150 to 180 ms
-# Of good records, drawn for each.
+LATENCIES = {"long-latency reflex, at 90 ms [N·m/rad]": 900}  # samples at 10 kHz
+# Settings that are drawn for each good record.
 CHOICES = {
     "kind": [*KINDS, "multisine"],
     "duration": [12.0, 20.0, 50.0, 120.0, 300.0],
