@@ -20,7 +20,7 @@ from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 
-SIGNIFICANT = 4.5  # standard errors
+SIGNIFICANT = 3.5  # standard errors
 CERTAIN = 6.0  # standard errors
 SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
 LARGEST_SHIFT = 0.2  # of a parameter: more is no matter of its interval
@@ -54,7 +54,8 @@ class Alternative:
     @property
     def largest_shift(self) -> float:
         """Largest of the shifts."""
-        return max(map(abs, self.shifts.values()))
+        defined = EFFECTS[self.effect].defines
+        return max(abs(shift) for name, shift in self.shifts.items() if name != defined)
 
     @property
     def doubtful(self) -> bool:
@@ -154,14 +155,14 @@ def _free_effect(name: str, solution: Search) -> Alternative:
     """The solution with an effect, by steps of its size; without shifts if it is not significant."""
     effect = EFFECTS[name]
     origin = solution.equations
-    step = _find_step(effect, solution, origin)
+    step = find_step(effect, solution, origin)
     alternative = Alternative(name, 0.0, normal_score(step.sizes, step.covariance), {})
     if not alternative.significant:
         return alternative
     sizes = np.zeros(step.sizes.size)
     freed = solution
     for _ in range(effect.rounds):
-        step = _find_step(effect, freed, origin)
+        step = find_step(effect, freed, origin)
         sizes += step.sizes
         equations = copy(origin)
         equations.torque = origin.torque - sizes @ step.regressors
@@ -194,7 +195,10 @@ class Step(NamedTuple):
 
     sizes: np.ndarray  # shape (q,)
     covariance: np.ndarray  # shape (q, q)
-    regressors: np.ndarray  # shape (q, F): derivatives of the torque with respect to the sizes
+    # Derivatives of the torque with respect to the sizes, measured and predicted, shape (q, F).
+    regressors: np.ndarray
+    instruments: np.ndarray
+    rows: np.ndarray  # shape (q, free + q): what left sides move the sizes by
 
 
 def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Channels:
@@ -221,7 +225,7 @@ def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Cha
     )
 
 
-def _find_step(effect: Effect, solution: Search, origin: Equations) -> Step:
+def find_step(effect: Effect, solution: Search, origin: Equations) -> Step:
     """Step of the sizes of an effect from a solution, whose torque may be less the effect so far."""
     point = solution.point
     free = solution.free
@@ -240,6 +244,8 @@ def _find_step(effect: Effect, solution: Search, origin: Equations) -> Step:
         sizes=rows @ np.real(weighted @ point.residual),
         covariance=rows @ point.scatter_of(weighted) @ rows.T,
         regressors=regressors,
+        instruments=instruments,
+        rows=rows,
     )
 
 

@@ -38,6 +38,9 @@ class Effect:
     # Shape (sizes, frequencies) or (frequencies,); None for an effect that is an unknown of the equations.
     differentiate: Callable[[Channels], np.ndarray] | None = None
     one_sided: bool = False  # the opposite is no effect of an instrument
+    defines: str | None = (
+        None  # parameter that is another one with the effect, and not a wrong one without it
+    )
     rounds: int = 3  # fits of its size
 
     def rows(self, channels: Channels) -> np.ndarray:
@@ -127,6 +130,7 @@ EFFECTS = {
         _describe_drag,
         "B is that of the velocities of this record: compare only records with the same perturbation",
         lambda channels: channels.transform(channels.velocity * np.abs(channels.velocity)),
+        defines="B",
     ),
     "reaction": Effect(
         _describe_reaction,

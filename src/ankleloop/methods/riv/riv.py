@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Literal
 
-import numpy as np
 from scipy import special
-from scipy.fft import dct
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, PhysicalModel
@@ -28,20 +25,26 @@ from ankleloop.methods.riv.alternatives import (
     has_stretch_delay,
     with_alternatives,
 )
+from ankleloop.methods.riv.constancy import (
+    DIFFERENT,
+    Constancy,
+    describe_changes,
+    find_changes,
+    measure_constancy,
+    measure_lags,
+)
+from ankleloop.methods.riv.covariance import (
+    estimate_deviations,
+    estimate_intervals,
+    robust_covariance,
+)
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
-from ankleloop.signals.least_squares import solve_scaled
 from ankleloop.signals.vaf import TWO_SIDED
 
-SCORE_CORRELATION = 1.0  # s: over this the products of residual and instruments may be correlated
-DRIFT_COSINES = 2  # those that a drift within the record would fill
-FEWEST_COSINES = 8  # of a short record
-LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters whose logarithms are normally distributed
-WIDEST_INTERVAL = 50.0  # of such a logarithm
 CERTAIN_DELAY = 0.005  # s, standard error
-GRADIENT_STEP = 0.1  # of a standard deviation of a coefficient, for the slopes of G and threshold
 
 
 class RivOptions(RefinedOptions, BasisOptions):
@@ -77,7 +80,7 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
 
     Intervals are for the parameters that the same model would have on an infinitely long record. Where the residual
     depends on the movement, the model is incomplete and asymptotic intervals do not hold: they are then robust
-    (`robust_covariance`). There are none if the search has not converged.
+    (`ankleloop.methods.riv.covariance.robust_covariance`). There are none if the search has not converged.
 
     Parameters
     ----------
@@ -123,7 +126,8 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
             f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
         ]
         solution = _solve(trials, options, estimate_delay=False)
-    estimate = _estimate(trials, solution, options, assumptions)
+    constancy = measure_constancy(solution) if solution.converged else None
+    estimate = _estimate(trials, solution, options, assumptions, constancy)
     if not solution.converged:
         return estimate
     return with_alternatives(estimate, find_alternatives(solution), trials[0])
@@ -157,6 +161,7 @@ def _estimate(
     solution: Search,
     options: RivOptions,
     assumptions: list[str],
+    constancy: Constancy | None,
 ) -> Estimate:
     """Torques, physical parameters, and where the search has converged their intervals."""
     equations = solution.equations
@@ -167,9 +172,15 @@ def _estimate(
     kind = None
     deviations: dict[str, float] = {}
     quantile = TWO_SIDED
-    if solution.converged:
-        kind = options.intervals or ("robust" if point.movement_p < INCOMPLETE else "asymptotic")
-        deviations, quantile = _quantify(solution, kind)
+    warnings = _warnings(solution)
+    if constancy is not None:
+        merged = len(trials) > 1
+        kind = options.intervals or _choose_intervals(point, constancy, merged=merged)
+        deviations, quantile = _quantify(solution, kind, constancy)
+        changes = find_changes(constancy, point.values)
+        if changes:
+            lags = measure_lags(solution)
+            warnings += describe_changes(changes, constancy, point.values, lags, merged=merged)
     errors, intervals = estimate_intervals(point.values, deviations, quantile)
     inputs = ModelInputs.of(equations.records[0], reflex["delay"])
     band = equations.band.parts[0]
@@ -200,16 +211,26 @@ def _estimate(
             "noise_spectrum": noise / band.density,
             "nonlinearity": point.reflex_path.curve(),
             "assumptions": assumptions,
-            "warnings": _warnings(solution),
+            "warnings": warnings,
         },
         predictor=model,
     )
 
 
-def _quantify(solution: Search, kind: str) -> tuple[dict[str, float], float]:
+def _choose_intervals(point: Point, constancy: Constancy, *, merged: bool) -> str:
+    """Kind of the intervals that the record asks for."""
+    if merged and constancy.probability < DIFFERENT:
+        return "between trials"
+    return "robust" if point.movement_p < INCOMPLETE else "asymptotic"
+
+
+def _quantify(solution: Search, kind: str, constancy: Constancy) -> tuple[dict[str, float], float]:
     """Standard deviations for intervals of one kind, and half of such an interval over them."""
     point = solution.point
-    if kind == "robust":
+    if kind == "between trials":
+        covariance = constancy.covariance
+        quantile = float(special.stdtrit(constancy.shares.size - 1, 0.975))
+    elif kind == "robust":
         covariance, freedom = robust_covariance(point, solution.free)
         quantile = float(special.stdtrit(freedom, 0.975))
     else:
@@ -235,90 +256,6 @@ def _warnings(solution: Search) -> list[str]:
             "The record hardly shows some of the parameters."
         )
     return warnings
-
-
-def robust_covariance(point: Point, free: np.ndarray) -> tuple[np.ndarray, int]:
-    r"""Covariance of the parameters about those of an infinitely long record, whatever the residual is.
-
-    The solution scatters as :math:`H^{-1} \sum_t s(t)`, H being the slope of the equations with that of weights and
-    instruments, and s(t) the contribution of a time to their left side, see `time_scores`. A residual that depends on
-    the movement correlates these contributions over time. Their spectrum at low frequencies is the variance of their
-    sum: the mean of the squares of their first cosine transforms is it, from as many as there are segments of one
-    second in the record (Müller, Journal of Econometrics 141(2), 1331-1352, 2007; Lazarus, Lewis, Stock and Watson,
-    Journal of Business & Economic Statistics 36(4), 541-559, 2018). The estimate has as many degrees of freedom. The
-    first two cosines are left out: they hold what drifts over the record, which the same record, repeated, would do
-    again.
-
-    Shapes: returns covariance (free, free).
-    """
-    band = point.equations.band
-    segments = round(band.samples / band.rate / SCORE_CORRELATION)
-    freedom = max(segments - DRIFT_COSINES, FEWEST_COSINES)
-    first = 1 + DRIFT_COSINES  # the zeroth one is the mean
-    transforms = dct(time_scores(point)[free], norm="ortho", axis=1)
-    cosines = transforms[:, first : first + freedom]
-    influence = solve_scaled(point.slope[np.ix_(free, free)], cosines)
-    independent = 2.0 * point.noise.size / band.correlation
-    factor = band.samples / freedom * independent / (independent - free.size)
-    # Weights follow the residual whose scatter is computed here.
-    factor *= 1.0 + point.equations.smoothing_variance
-    return factor * influence @ influence.T, freedom
-
-
-def time_scores(point: Point) -> np.ndarray:
-    """Contributions of each time to the left side of the equations, shape (unknowns, samples).
-
-    A sum over frequencies of two spectra is a sum over time of their signals: the weighted residual, and instruments
-    with the same weights. Where the weights are an estimate from the residual, and residual and instruments are
-    correlated at single frequencies though not on the whole, the squares of the residual contribute as well.
-    """
-    equations = point.equations
-    band = equations.band
-    root = np.sqrt(point.level)
-    scores = band.contributions(point.instruments / root, point.residual / root)
-    if equations.weighting == "noise":
-        products = np.real(point.weighted * point.residual) / point.level
-        filtered = equations.smooth_rows(products) * point.residual
-        scores -= band.contributions(filtered, point.residual)
-    return scores
-
-
-def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
-    """Standard deviations of the physical parameters, or of their logarithms; those of the reflex by differences."""
-    path = point.reflex_path
-    coefficients = slice(MOTION, point.parameters.linear.size)
-    values = np.array(path.rectifier[:2])
-    deviations = np.sqrt(np.diag(covariance))
-    slopes = []
-    for step in np.diag(GRADIENT_STEP * deviations[coefficients]):
-        shifted = replace(path, coefficients=path.coefficients + step).rectifier[:2]
-        slopes.append((np.array(shifted) - values) / step.sum())
-    variances = np.transpose(slopes) @ covariance[coefficients, coefficients] @ slopes
-    gain, threshold = np.sqrt(np.diag(variances)).tolist()
-    names = np.array(point.names)[free].tolist()
-    known = dict(zip(names, deviations.tolist(), strict=True))
-    return {**known, "G": gain, "threshold": threshold}
-
-
-def estimate_intervals(
-    values: Mapping[str, float], deviations: Mapping[str, float], quantile: float
-) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Standard errors and intervals of parameters, some of which have the deviations of their logarithms."""
-    errors = {}
-    intervals = {}
-    for name, value in values.items():
-        if name not in deviations:
-            continue
-        deviation = deviations[name]
-        margin = quantile * deviation
-        if name in LOGARITHMIC:
-            errors[name] = deviation * value
-            ratio = float(np.exp(min(margin, WIDEST_INTERVAL)))
-            intervals[name] = (value / ratio, value * ratio)
-        else:
-            errors[name] = deviation
-            intervals[name] = (value - margin, value + margin)
-    return errors, intervals
 
 
 METHODS = (

@@ -21,7 +21,7 @@ from ankleloop.methods.riv.alternatives import (
     compute_shifts,
     with_alternatives,
 )
-from ankleloop.methods.riv.riv import estimate_intervals
+from ankleloop.methods.riv.covariance import estimate_intervals
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions

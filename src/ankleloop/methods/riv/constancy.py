@@ -1,0 +1,205 @@
+"""Whether K, B, I and G are the same in all parts of a record, and in all trials that are merged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from ankleloop.methods.riv.alternatives import SIGNIFICANT, find_step, is_large, normal_score
+from ankleloop.methods.riv.covariance import parameter_rows, time_scores
+from ankleloop.methods.riv.effects import EFFECTS
+from ankleloop.methods.riv.search import Search
+from ankleloop.quantities import STIFFNESS
+from ankleloop.signals.least_squares import solve_scaled
+
+NAMES = (*STIFFNESS, "G")
+NAMED = 3.0  # standard errors: a smaller deviation is not named
+DIFFERENT = 0.01  # probability of deviations as large, if all trials had the same parameters
+LAG_ADVICE = (
+    "samples were lost, or the clocks of position and torque differ: record both with one clock"
+)
+HALF_ADVICE = (
+    "if the joint did not change, look for a gain that did, or for samples that were lost; a joint that changes is for "
+    "riv-tv over time"
+)
+TRIAL_ADVICE = "look at its channels, and leave it out if it is of another condition"
+
+
+@dataclass(frozen=True, eq=False)
+class Constancy:
+    """Deviations of parts of a record, or of trials, from the whole."""
+
+    shares: np.ndarray  # shape (parts,): of the samples
+    influence: np.ndarray  # shape (unknowns, parts): deviations of all unknowns
+    deviations: dict[str, np.ndarray]  # of K, B, I and G, shapes (parts,)
+    errors: dict[str, np.ndarray]  # their standard errors, shapes (parts,)
+    scores: np.ndarray  # shape (parts,): normal scores of the deviations
+    probability: float  # of deviations as large, if there were none
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the unknowns of the whole by the scatter between the parts, shape (unknowns, unknowns)."""
+        count = self.shares.size
+        weighted = self.influence * self.shares
+        return count / (count - 1.0) * weighted @ weighted.T
+
+
+@dataclass(frozen=True, eq=False)
+class Lags:
+    """How late the torque is in parts of a record."""
+
+    values: np.ndarray  # shape (parts,): [s], less the mean
+    scores: np.ndarray  # shape (parts,): over their standard errors
+
+
+def divide(sizes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """First samples and shares of parts: of trials of so many samples, or of the halves of a single one."""
+    parts = list(sizes)
+    if len(parts) == 1:
+        half = parts[0] // 2
+        parts = [half, parts[0] - half]
+    return np.cumsum([0, *parts[:-1]]), np.array(parts) / sum(parts)
+
+
+def compare_parts(
+    sums: np.ndarray,
+    shares: np.ndarray,
+    normal: np.ndarray,
+    covariance: np.ndarray,
+    rows: Mapping[str, np.ndarray],
+) -> Constancy:
+    r"""Deviations of parts from the whole, by what they contribute to the left side of the equations.
+
+    The contributions of all parts sum up to zero. Those s of a part that has a share w of the samples say that its
+    parameters lie
+
+    .. math:: \delta = H^{-1} s / w
+
+    from those of the whole, H being the slope of the equations. With the covariance C of the whole, that of δ is
+    C (1/w - 1).
+
+    Shapes: sums (unknowns, parts), normal, covariance (unknowns, unknowns), rows (unknowns,) of K, B, I and G.
+    """
+    influence = solve_scaled(normal, sums - np.outer(sums.sum(axis=1), shares)) / shares
+    matrix = np.array([rows[name] for name in NAMES])
+    deviations = matrix @ influence
+    scatter = matrix @ covariance @ matrix.T
+    factors = 1.0 / shares - 1.0
+    errors = np.sqrt(np.outer(np.diag(scatter), factors))
+    scores = [
+        normal_score(part, factor * scatter)
+        for part, factor in zip(deviations.T, factors, strict=True)
+    ]
+    squares = np.sum(deviations * solve_scaled(scatter, deviations), axis=0)
+    freedom = len(NAMES) * (shares.size - 1)
+    return Constancy(
+        shares=shares,
+        influence=influence,
+        deviations=dict(zip(NAMES, deviations, strict=True)),
+        errors=dict(zip(NAMES, errors, strict=True)),
+        scores=np.array(scores),
+        probability=float(special.chdtrc(freedom, shares @ squares)),
+    )
+
+
+def measure_constancy(solution: Search) -> Constancy:
+    """Deviations of the trials, or of the halves of a single one."""
+    point = solution.point
+    free = solution.free
+    starts, shares = divide([part.samples for part in point.equations.band.parts])
+    covariance = point.covariance(free)
+    return compare_parts(
+        sums=np.add.reduceat(time_scores(point)[free], starts, axis=1),
+        shares=shares,
+        normal=point.normal[np.ix_(free, free)],
+        covariance=covariance,
+        rows=parameter_rows(point, covariance, free),
+    )
+
+
+def measure_lags(solution: Search) -> Lags:
+    """How late the torque is in the trials, or in the halves of a single one, if that is a further unknown."""
+    point = solution.point
+    band = point.equations.band
+    starts, shares = divide([part.samples for part in band.parts])
+    step = find_step(EFFECTS["torque_lag"], solution, point.equations)
+    instruments = np.vstack([point.instruments[solution.free], step.instruments])
+    contributions = band.contributions(instruments / point.level, point.residual)
+    sums = np.add.reduceat(contributions, starts, axis=1)
+    lags = step.rows[0] @ sums / shares
+    deviations = lags - shares @ lags
+    errors = np.sqrt(step.covariance.item() * (1.0 / shares - 1.0))
+    return Lags(deviations, deviations / errors)
+
+
+def find_changes(constancy: Constancy, values: Mapping[str, float]) -> list[int]:
+    """Numbers of the parts that are so different that the whole says little about them."""
+    relative = [np.abs(part / values[name]) for name, part in constancy.deviations.items()]
+    pairs = zip(constancy.scores, np.max(relative, axis=0), strict=True)
+    return [
+        number
+        for number, (score, shift) in enumerate(pairs)
+        if score > SIGNIFICANT and is_large(score, shift)
+    ]
+
+
+def describe_changes(
+    changes: Sequence[int],
+    constancy: Constancy,
+    values: Mapping[str, float],
+    lags: Lags,
+    *,
+    merged: bool,
+) -> list[str]:
+    """Warnings about parts that are different."""
+    if merged:
+        return [_describe_trial(constancy, values, lags, number) for number in changes]
+    return [_describe_halves(constancy, values, lags)]
+
+
+def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: Lags) -> str:
+    """Warning about the second half of a record."""
+    before, after = lags.values
+    if np.abs(lags.scores).max() > SIGNIFICANT:
+        return f"from the middle on {_describe_lag(after - before)}: {LAG_ADVICE}."
+    ratios = []
+    for name in _select_named(constancy, 1):
+        first, second = values[name] + constancy.deviations[name]
+        ratios.append(f"{name} is {second / first:.2g} times")
+    return f"from the middle on {', '.join(ratios)} what it was before: {HALF_ADVICE}."
+
+
+def _describe_trial(
+    constancy: Constancy, values: Mapping[str, float], lags: Lags, number: int
+) -> str:
+    """Warning about a trial that differs from the others."""
+    trial = f"trial {number + 1} of {constancy.shares.size} differs"
+    if abs(lags.scores[number]) > SIGNIFICANT:
+        return f"{trial}: {_describe_lag(lags.values[number])} than in the others: {LAG_ADVICE}."
+    share = constancy.shares[number]
+    changes = []
+    for name in _select_named(constancy, number):
+        difference = constancy.deviations[name][number] / (1.0 - share)
+        others = values[name] - share * difference
+        changes.append(f"{name} {100 * difference / others:+.0f} %")
+    return f"{trial}: {', '.join(changes)}: {TRIAL_ADVICE}."
+
+
+def _select_named(constancy: Constancy, number: int) -> list[str]:
+    """Parameters of a part that deviate by more than chance; that which deviates most if none does."""
+    scores = {
+        name: abs(part[number]) / constancy.errors[name][number]
+        for name, part in constancy.deviations.items()
+    }
+    return [name for name in scores if scores[name] > NAMED] or [
+        max(scores, key=scores.__getitem__)
+    ]
+
+
+def _describe_lag(lag: float) -> str:
+    """How late a torque is."""
+    order = "later" if lag > 0.0 else "earlier"
+    return f"the torque is recorded {1e3 * abs(lag):.2g} ms {order}"
