@@ -140,7 +140,8 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     if solution.equations.open_loop:
         effects.remove("crosstalk")
     alternatives = [_free_effect(name, solution) for name in effects]
-    if "delay" in parameters.delays or solution.point.movement_p >= INCOMPLETE:
+    is_known = "delay" in parameters.delays or solution.fixed
+    if is_known or solution.point.movement_p >= INCOMPLETE:
         return alternatives
     starts = {"delay": replace(parameters, delays=("delay",))}
     if parameters.dynamics.pole is None:  # a third pole and a free delay are nearly the same
@@ -168,11 +169,11 @@ def _free_effect(name: str, solution: Search) -> Alternative:
         equations.torque = origin.torque - sizes @ step.regressors
         if name == "torque_lag":
             equations.torque = origin.torque * np.exp(origin.band.s * sizes)
-        freed = solve(equations, freed.point.parameters)
+        freed = solve(equations, freed.point.parameters, solution.fixed)
     return replace(
         alternative,
         size=sizes if sizes.size > 1 else sizes.item(),
-        shifts=compute_shifts(solution.point.values, freed.point.values),
+        shifts=compute_shifts(solution.values, freed.point.values),
     )
 
 
@@ -268,5 +269,5 @@ def _free_unknown(unknown: str, start: Parameters, solution: Search) -> list[Alt
     if not (freed.converged and shown):
         return []
     score = size / float(np.sqrt(point.covariance(freed.free)[-1, -1]))
-    shifts = compute_shifts(solution.point.values, point.values)
+    shifts = compute_shifts(solution.values, point.values)
     return [Alternative(unknown, point.values[unknown], score, shifts)]

@@ -137,7 +137,8 @@ def measure_lags(solution: Search) -> Lags:
 
 def find_changes(constancy: Constancy, values: Mapping[str, float]) -> list[int]:
     """Numbers of the parts that are so different that the whole says little about them."""
-    relative = [np.abs(part / values[name]) for name, part in constancy.deviations.items()]
+    deviations = constancy.deviations
+    relative = [np.abs(deviations[name] / values[name]) for name in deviations if name in values]
     pairs = zip(constancy.scores, np.max(relative, axis=0), strict=True)
     return [
         number

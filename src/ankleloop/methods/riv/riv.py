@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 from scipy import special
 
+from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial, make_regressors
@@ -23,6 +25,7 @@ from ankleloop.methods.method import (
 from ankleloop.methods.riv.alternatives import (
     find_alternatives,
     has_stretch_delay,
+    normal_score,
     with_alternatives,
 )
 from ankleloop.methods.riv.constancy import (
@@ -45,6 +48,9 @@ from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.vaf import TWO_SIDED
 
 CERTAIN_DELAY = 0.005  # s, standard error
+SHOWN_REFLEX = 4.5  # normal score of a reflex beyond doubt
+ABSENT_REFLEX = 3.0  # of one that a passive joint may seem to have
+NOMINAL_DYNAMICS = ReflexDynamics(omega_n=40.0, zeta=1.0)
 
 
 class RivOptions(RefinedOptions, BasisOptions):
@@ -126,6 +132,7 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
             f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
         ]
         solution = _solve(trials, options, estimate_delay=False)
+    solution = _without_reflex(solution) or solution
     constancy = measure_constancy(solution) if solution.converged else None
     estimate = _estimate(trials, solution, options, assumptions, constancy)
     if not solution.converged:
@@ -156,6 +163,24 @@ def _shows_delay(solution: Search) -> bool:
     return bool(variance < CERTAIN_DELAY**2)
 
 
+def _without_reflex(solution: Search) -> Search | None:
+    """Solution for a passive joint, whose dynamics of the reflex are nominal; None where the record shows a reflex."""
+    if solution.converged and _score_reflex(solution) > SHOWN_REFLEX:
+        return None
+    parameters = replace(solution.point.parameters, dynamics=NOMINAL_DYNAMICS, shift=0.0, delays=())
+    fixed = frozenset(NOMINAL_DYNAMICS.values)
+    passive = solve(solution.equations, parameters, fixed)
+    is_passive = passive.converged and _score_reflex(passive) < ABSENT_REFLEX
+    return passive if is_passive else None
+
+
+def _score_reflex(solution: Search) -> float:
+    """Normal score of the coefficients of the reflex."""
+    coefficients = solution.point.parameters.linear[MOTION:]
+    block = slice(MOTION, MOTION + coefficients.size)
+    return abs(normal_score(coefficients, solution.point.covariance(solution.free)[block, block]))
+
+
 def _estimate(
     trials: Sequence[PreparedTrial],
     solution: Search,
@@ -169,6 +194,10 @@ def _estimate(
     parameters = point.parameters
     reflex = point.values
     stiffness = {name: reflex.pop(name) for name in STIFFNESS}
+    missing = []
+    if solution.fixed:
+        reflex = {name: value for name, value in reflex.items() if name not in solution.fixed}
+        missing = ["ωn and ζ: the record shows no reflex, as of a passive joint."]
     kind = None
     deviations: dict[str, float] = {}
     quantile = TWO_SIDED
@@ -177,7 +206,7 @@ def _estimate(
         merged = len(trials) > 1
         kind = options.intervals or _choose_intervals(point, constancy, merged=merged)
         deviations, quantile = _quantify(solution, kind, constancy)
-        changes = find_changes(constancy, point.values)
+        changes = find_changes(constancy, solution.values)
         if changes:
             lags = measure_lags(solution)
             warnings += describe_changes(changes, constancy, point.values, lags, merged=merged)
@@ -211,6 +240,7 @@ def _estimate(
             "noise_spectrum": noise / band.density,
             "nonlinearity": point.reflex_path.curve(),
             "assumptions": assumptions,
+            "missing": missing,
             "warnings": warnings,
         },
         predictor=model,

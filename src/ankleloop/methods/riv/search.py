@@ -20,8 +20,8 @@ MOST_DAMPING = 1e6
 FLAT = 1e-9  # slope in a direction that the record does not show
 
 
-def solve(equations: Equations, start: Parameters) -> Search:
-    r"""Solve the equations from a start.
+def solve(equations: Equations, start: Parameters, fixed: frozenset[str] = frozenset()) -> Search:
+    r"""Solve the equations from a start, with some unknowns fixed at it.
 
     Weights and instruments belong to the parameters, so the left side g(θ) is a function of the parameters alone, and
     its size is a merit, q(θ) = gᵀ S⁻¹ g with its covariance S.
@@ -37,7 +37,7 @@ def solve(equations: Equations, start: Parameters) -> Search:
     the directions of its symmetric part. A third pole or a delay that reaches its limit is held there. Of a search that
     does not converge, the point with the smallest merit is returned.
     """
-    search = Search(equations, start)
+    search = Search(equations, start, fixed)
     points = search.points
     while len(points) <= MOST_REFINEMENTS and not search.finished and search.refine():
         pass
@@ -55,13 +55,15 @@ def solve(equations: Equations, start: Parameters) -> Search:
 class Search:
     """A search and its result."""
 
-    def __init__(self, equations: Equations, start: Parameters) -> None:
+    def __init__(self, equations: Equations, start: Parameters, fixed: frozenset[str]) -> None:
         self.equations = equations
+        self.fixed = fixed  # names of the unknowns that stay as they were at the start
         self.points: list[Point] = []  # the start, and the point after each iteration
         self.merits: list[float] = []  # merit of each of them
         # Number of the first point of the filter: the last change of what is held, or where the search began again.
         self.first = 0
-        self.held: set[str] = set()  # names of the unknowns that are held at a limit
+        # Names of the unknowns that are fixed, or held at a limit.
+        self.held = set(fixed)
         self.damping = 0.0
         self.finished = False  # whether the last step was within the tolerance
         self.accept(Point(equations, start))
@@ -70,6 +72,14 @@ class Search:
     def converged(self) -> bool:
         """Whether the search has finished, and no delay is held at its limit."""
         return self.finished and "delay" not in self.held
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters by name; without a G that is that of no reflex."""
+        values = self.point.values
+        if self.fixed:
+            del values["G"]
+        return values
 
     def accept(self, point: Point) -> None:
         """Add a point."""
