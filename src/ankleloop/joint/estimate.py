@@ -28,7 +28,12 @@ if TYPE_CHECKING:
 
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
 DIGITS = "{:.4g}".format  # of a parameter
-REMARKS = {"missing": "missing", "assumptions": "assumed", "warnings": "warning"}
+REMARKS = {
+    "missing": "missing",
+    "incomplete": "incomplete",
+    "assumptions": "assumed",
+    "warnings": "warning",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +58,8 @@ class Estimate:
         Details of the identification: singular values, order, poles, ranks, passes. "warnings" say what was seen to be
         wrong; those about the data (see `ankleloop.checks.data.check_data`) are in "data_warnings" as well, and those
         about the range of a trial that is predicted in "range_warnings".
-        "assumptions" say what was taken for granted, and "missing" which parameters could not be had, and why.
+        "assumptions" say what was taken for granted, "missing" which parameters could not be had, and why, and
+        "incomplete" how much of what is left of the torque depends on the movement.
     predictor : ankleloop.joint.models.Model or None
         The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None
         where the method has no fixed model.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ from ankleloop.checks.movement import turned_signs
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.riv.effects import EFFECTS, Channels, Effect
+from ankleloop.methods.riv.effects import EFFECTS, Channels
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES, STIFFNESS
@@ -39,6 +39,8 @@ class Alternative:
     size: Any  # of the effect: a number, or an array with one for each part of it
     score: float  # size over its standard error
     shifts: dict[str, float]  # how far K, B, I and G move with it, over what they are without it
+    freed: Search | None = None  # the solution with it, where there is one
+    further: Alternative | None = None  # another effect that the record shows beside it
 
     @property
     def text(self) -> str:
@@ -97,20 +99,27 @@ def with_alternatives(
         {"effect": alternative.text, "score": alternative.score, "shifts": alternative.shifts}
         for alternative in shown
     ]
-    doubtful = [alternative for alternative in shown if alternative.doubtful]
-    if doubtful:
-        first = doubtful[0]
+    first = next((alternative for alternative in shown if alternative.doubtful), None)
+    if first is not None:
         signs = turned_signs(trial)
         text = first.text
-        advice = EFFECTS[first.effect].advice.format(**signs)
-        diagnostics["warnings"] = [
-            *diagnostics["warnings"],
+        warning = (
             f"the model lacks something that depends on the movement. {text[0].upper()}{text[1:]} explains much of it "
-            f"and moves {format_shifts(first.shifts)}: {advice}.",
-        ]
+            f"and moves {_describe_move(first, signs)}"
+        )
+        if first.further is not None:
+            further = first.further
+            warning += f" Beside it, {further.text} moves {_describe_move(further, signs)}"
+        diagnostics["warnings"] = [*diagnostics["warnings"], warning]
         if first.effect == "direction":
             diagnostics["remedy"] = signs
     return replace(estimate, intervals=intervals, diagnostics=diagnostics)
+
+
+def _describe_move(alternative: Alternative, signs: Mapping[str, int]) -> str:
+    """What an effect moves, and what to do."""
+    advice = EFFECTS[alternative.effect].advice.format(**signs)
+    return f"{format_shifts(alternative.shifts)}: {advice}."
 
 
 def compute_shifts(first: Mapping[str, float], second: Mapping[str, float]) -> dict[str, float]:
@@ -139,7 +148,8 @@ def find_alternatives(solution: Search) -> list[Alternative]:
         effects.remove("direction")
     if solution.equations.open_loop:
         effects.remove("crosstalk")
-    alternatives = [_free_effect(name, solution) for name in effects]
+    steps = find_steps(effects, solution, solution.equations)
+    alternatives = _add_further([_free_effect(name, solution, steps[name]) for name in effects])
     is_known = "delay" in parameters.delays or solution.fixed
     if is_known or solution.point.movement_p >= INCOMPLETE:
         return alternatives
@@ -152,18 +162,35 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     return alternatives
 
 
-def _free_effect(name: str, solution: Search) -> Alternative:
+def _add_further(alternatives: list[Alternative]) -> list[Alternative]:
+    """The alternatives, the most significant doubtful one with the one that the record shows beside it."""
+    doubtful = [each for each in alternatives if each.significant and each.doubtful]
+    if len(doubtful) < 2:
+        return alternatives
+    first = max(doubtful, key=lambda alternative: abs(alternative.score))
+    assert first.freed is not None
+    names = [each.effect for each in doubtful if each is not first]
+    steps = find_steps(names, first.freed, first.freed.equations)
+    beside = [_free_effect(name, first.freed, step) for name, step in steps.items()]
+    beside = [each for each in beside if each.significant and each.doubtful]
+    if not beside:
+        return alternatives
+    further = max(beside, key=lambda alternative: abs(alternative.score))
+    combined = replace(first, further=further)
+    return [combined if each is first else each for each in alternatives]
+
+
+def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
     """The solution with an effect, by steps of its size; without shifts if it is not significant."""
-    effect = EFFECTS[name]
     origin = solution.equations
-    step = find_step(effect, solution, origin)
     alternative = Alternative(name, 0.0, normal_score(step.sizes, step.covariance), {})
     if not alternative.significant:
         return alternative
     sizes = np.zeros(step.sizes.size)
     freed = solution
-    for _ in range(effect.rounds):
-        step = find_step(effect, freed, origin)
+    for number in range(EFFECTS[name].rounds):
+        if number:
+            step = find_steps([name], freed, origin)[name]
         sizes += step.sizes
         equations = copy(origin)
         equations.torque = origin.torque - sizes @ step.regressors
@@ -174,6 +201,7 @@ def _free_effect(name: str, solution: Search) -> Alternative:
         alternative,
         size=sizes if sizes.size > 1 else sizes.item(),
         shifts=compute_shifts(solution.values, freed.point.values),
+        freed=freed,
     )
 
 
@@ -214,6 +242,7 @@ def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Cha
     return Channels(
         position=band.centre(inputs[0]),
         velocity=inputs[1],
+        motion=spectra[:2],
         torque=torque,
         recorded=torque,
         rectified=spectra[MOTION],
@@ -226,8 +255,8 @@ def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Cha
     )
 
 
-def find_step(effect: Effect, solution: Search, origin: Equations) -> Step:
-    """Step of the sizes of an effect from a solution, whose torque may be less the effect so far."""
+def find_steps(names: Sequence[str], solution: Search, origin: Equations) -> dict[str, Step]:
+    """Steps of the sizes of effects, each by itself, from a solution whose torque may be less the effect so far."""
     point = solution.point
     free = solution.free
     predicted = _make_channels(point, origin.predicted_inputs, origin.predicted)
@@ -236,18 +265,28 @@ def find_step(effect: Effect, solution: Search, origin: Equations) -> Step:
         torque=point.equations.torque,
         recorded=origin.torque,
     )
-    regressors = effect.rows(measured)
-    instruments = effect.rows(predicted)
-    weighted = np.vstack([point.weighted[free], instruments.conj() / point.level])
-    inverse = invert_scaled(np.real(weighted @ np.vstack([point.regressors[free], regressors]).T))
-    rows = inverse[free.size :]
-    return Step(
-        sizes=rows @ np.real(weighted @ point.residual),
-        covariance=rows @ point.scatter_of(weighted) @ rows.T,
-        regressors=regressors,
-        instruments=instruments,
-        rows=rows,
-    )
+    regressors = [EFFECTS[name].rows(measured) for name in names]
+    instruments = [EFFECTS[name].rows(predicted) for name in names]
+    weighted = np.vstack([point.weighted[free], np.vstack(instruments).conj() / point.level])
+    products = np.real(weighted @ np.vstack([point.regressors[free], *regressors]).T)
+    scatter = point.scatter_of(weighted)
+    side = np.real(weighted @ point.residual)
+    steps = {}
+    start = free.size
+    for number, name in enumerate(names):
+        stop = start + len(regressors[number])
+        unknowns = [*range(free.size), *range(start, stop)]
+        select = np.ix_(unknowns, unknowns)
+        rows = invert_scaled(products[select])[free.size :]
+        steps[name] = Step(
+            sizes=rows @ side[unknowns],
+            covariance=rows @ scatter[select] @ rows.T,
+            regressors=regressors[number],
+            instruments=instruments[number],
+            rows=rows,
+        )
+        start = stop
+    return steps
 
 
 def has_stretch_delay(point: Point) -> bool:

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ankleloop.methods.riv.alternatives import SIGNIFICANT, find_step, is_large, normal_score
+from ankleloop.methods.riv.alternatives import SIGNIFICANT, find_steps, is_large, normal_score
 from ankleloop.methods.riv.covariance import parameter_rows, time_scores
-from ankleloop.methods.riv.effects import EFFECTS
 from ankleloop.methods.riv.search import Search
 from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
@@ -125,7 +124,7 @@ def measure_lags(solution: Search) -> Lags:
     point = solution.point
     band = point.equations.band
     starts, shares = divide([part.samples for part in band.parts])
-    step = find_step(EFFECTS["torque_lag"], solution, point.equations)
+    step = find_steps(["torque_lag"], solution, point.equations)["torque_lag"]
     instruments = np.vstack([point.instruments[solution.free], step.instruments])
     contributions = band.contributions(instruments / point.level, point.residual)
     sums = np.add.reduceat(contributions, starts, axis=1)

@@ -18,6 +18,7 @@ class Channels:
 
     position: np.ndarray  # over time, less its mean
     velocity: np.ndarray  # over time
+    motion: np.ndarray  # spectra of both
     torque: np.ndarray  # spectrum, less the effect so far
     recorded: np.ndarray  # spectrum of the torque as it was recorded
     rectified: np.ndarray  # spectrum of the rectified velocity, delayed
@@ -70,14 +71,9 @@ def _describe_bend(size: float) -> str:
     return "a stiffness that falls with the stretch, or a torque that is flat where it is large,"
 
 
-def _describe_drag(size: float) -> str:
-    change = "grows" if size > 0.0 else "falls"
-    return f"a viscosity that {change} with the velocity"
-
-
 def _react(channels: Channels) -> np.ndarray:
     late = np.exp(-np.multiply.outer(REACTION_LATENCIES, channels.s))
-    return late * channels.transform(channels.position) / (1.0 + REACTION_LAG * channels.s)
+    return late * channels.motion[0] / (1.0 + REACTION_LAG * channels.s)
 
 
 def _flatten(channels: Channels) -> np.ndarray:
@@ -87,8 +83,7 @@ def _flatten(channels: Channels) -> np.ndarray:
 
 def _turn(channels: Channels) -> np.ndarray:
     late = np.exp(-channels.s * channels.delay)
-    velocity = channels.transform(channels.velocity)
-    return channels.response * (channels.rectified - late * velocity)
+    return channels.response * (channels.rectified - late * channels.motion[1])
 
 
 EFFECTS = {
@@ -127,9 +122,10 @@ EFFECTS = {
         lambda channels: channels.transform(channels.position**3),
     ),
     "drag": Effect(
-        _describe_drag,
+        lambda size: "a viscosity that grows with the velocity",
         "B is that of the velocities of this record: compare only records with the same perturbation",
         lambda channels: channels.transform(channels.velocity * np.abs(channels.velocity)),
+        one_sided=True,
         defines="B",
     ),
     "reaction": Effect(

@@ -172,7 +172,7 @@ class Point:
         factor = 1.0 + 2.0 * self.equations.smoothing_variance
         return factor * inverse @ self.scatter[select] @ inverse.T
 
-    @cached_property
+    @property
     def movement_p(self) -> float:
         """Probability of correlations of residual and movement at least as large, if the model were complete.
 
@@ -181,21 +181,31 @@ class Point:
         the two. All are whitened. Lags within half a second are 1/(2b) apart in a band of width b; there the
         correlations of white signals are independent. The smaller one of the two probabilities counts, twice.
         """
-        predicted = self.equations.predicted
-        drive = self.parameters.linear[MOTION:] @ predicted[MOTION:]
-        smaller = min(self._correlation_p(predicted[0]), self._correlation_p(drive))
-        return float(min(1.0, 2.0 * smaller))
+        lags, *squares = self._movement_squares
+        return float(min(1.0, 2.0 * special.chdtrc(lags, max(squares))))
 
-    def _correlation_p(self, spectrum: np.ndarray) -> float:
-        """Probability of correlations of the residual and an independent signal that are at least as large."""
+    @property
+    def movement_share(self) -> float:
+        """Share of the residual that depends on the movement, beyond what chance would have."""
+        lags, *squares = self._movement_squares
+        frequencies = self.residual.size / self.equations.band.correlation
+        return float(max(0.0, 0.5 * (max(squares) - lags) / frequencies))
+
+    @cached_property
+    def _movement_squares(self) -> tuple[int, float, float]:
+        """Number of lags, and sums of squared correlations of the residual with position and drive, a χ² each."""
         band = self.equations.band
         part = band.parts[0]
         reach = int(MOVEMENT_REACH * 2 * part.bins.stop * part.rate / part.samples)
-        power = band.smooth(np.abs(spectrum) ** 2, MOVEMENT_RESOLUTION)
-        cross = self.residual / np.sqrt(self.noise) * spectrum.conj() / np.sqrt(power)
-        products = band.correlate(cross, reach)
-        energy = np.sum(products**2) / (0.5 * cross.size * band.correlation)
-        return float(special.chdtrc(products.size, energy))
+        predicted = self.equations.predicted
+        drive = self.parameters.linear[MOTION:] @ predicted[MOTION:]
+        residual = self.residual / np.sqrt(self.noise)
+        squares = []
+        for spectrum in (predicted[0], drive):
+            power = band.smooth(np.abs(spectrum) ** 2, MOVEMENT_RESOLUTION)
+            products = band.correlate(residual * spectrum.conj() / np.sqrt(power), reach)
+            squares.append(np.sum(products**2) / (0.5 * residual.size * band.correlation))
+        return 2 * reach + 1, *squares
 
     @cached_property
     def misfit(self) -> float:

@@ -241,10 +241,21 @@ def _estimate(
             "nonlinearity": point.reflex_path.curve(),
             "assumptions": assumptions,
             "missing": missing,
+            "incomplete": _describe_incomplete(point),
             "warnings": warnings,
         },
         predictor=model,
     )
+
+
+def _describe_incomplete(point: Point) -> list[str]:
+    """What a residual says that depends on the movement."""
+    if point.movement_p >= INCOMPLETE:
+        return []
+    return [
+        "a part of the torque depends on the movement in a way that the model does not have: "
+        f"{100 * point.movement_share:.2g} % of what it leaves unexplained."
+    ]
 
 
 def _choose_intervals(point: Point, constancy: Constancy, *, merged: bool) -> str:

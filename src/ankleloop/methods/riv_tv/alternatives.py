@@ -75,6 +75,7 @@ def _list_channels(solution: TimeVaryingSolution, inputs: Inputs, torque: np.nda
     return Channels(
         position=motion.position,
         velocity=motion.velocity,
+        motion=equations.spectra(np.stack([motion.position, motion.velocity])),
         torque=torque,
         recorded=torque,
         rectified=equations.spectra(motion.rectify(equations.delay)),
