@@ -59,7 +59,8 @@ class Estimate:
         wrong; those about the data (see `ankleloop.checks.data.check_data`) are in "data_warnings" as well, and those
         about the range of a trial that is predicted in "range_warnings".
         "assumptions" say what was taken for granted, "missing" which parameters could not be had, and why, and
-        "incomplete" how much of what is left of the torque depends on the movement.
+        "incomplete" how much of what is left of the torque depends on the movement. "holds" is there where torque that
+        is fed back biases the method.
     predictor : ankleloop.joint.models.Model or None
         The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None
         where the method has no fixed model.
@@ -184,7 +185,8 @@ class Estimate:
         -------
         pandas.DataFrame
             A row for each parameter by its symbol, with `value`, the ends `low` and `high` of its 95 % interval (nan
-            where the method gives none), and `unit`.
+            where the method gives none), and `unit`; and `holds`, "in open loop", where torque that is fed back biases
+            the method.
 
         Examples
         --------
@@ -204,6 +206,8 @@ class Estimate:
                 rows[quantity.symbol] = (values[name], *interval, quantity.unit)
         columns = ["value", "low", "high", "unit"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        if "holds" in self.diagnostics:
+            table["holds"] = self.diagnostics["holds"]
         return table.rename_axis("parameter")
 
     def plot(

@@ -175,12 +175,21 @@ class Method:
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
         if data_warnings:
             diagnostics["data_warnings"] = data_warnings
+        if not self.holds_in_closed_loop(chosen):
+            diagnostics["holds"] = "in open loop"
         return replace(
             estimate,
             method=self.name,
             torque=add_measured(estimate.torque, trials),
             diagnostics=diagnostics,
         )
+
+    def holds_in_closed_loop(self, options: Options) -> bool:
+        """Whether an estimate with some options is valid where torque is fed back."""
+        needed = self.validity.closed
+        if needed is None or self.reference(options) == "position":
+            return False
+        return all(getattr(options, name) == value for name, value in needed.items())
 
     def _check_merged(self, trials: Sequence[PreparedTrial]) -> None:
         """Refuse trials that cannot be merged."""

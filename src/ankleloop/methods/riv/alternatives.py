@@ -57,7 +57,8 @@ class Alternative:
     def largest_shift(self) -> float:
         """Largest of the shifts."""
         defined = EFFECTS[self.effect].defines
-        return max(abs(shift) for name, shift in self.shifts.items() if name != defined)
+        shifts = [abs(shift) for name, shift in self.shifts.items() if name != defined]
+        return max(shifts, default=0.0)
 
     @property
     def doubtful(self) -> bool:
@@ -144,12 +145,14 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     """
     parameters = solution.point.parameters
     effects = [name for name, effect in EFFECTS.items() if effect.differentiate is not None]
-    if parameters.linear.size > MOTION + 1:  # other bases answer both directions
+    if parameters.linear.size > MOTION + 1:  # other bases than the rectifier answer both directions
         effects.remove("direction")
     if solution.equations.open_loop:
         effects.remove("crosstalk")
     steps = find_steps(effects, solution, solution.equations)
     alternatives = _add_further([_free_effect(name, solution, steps[name]) for name in effects])
+    if parameters.linear.size > MOTION + 1:
+        alternatives.append(_separate_directions(solution))
     is_known = "delay" in parameters.delays or solution.fixed
     if is_known or solution.point.movement_p >= INCOMPLETE:
         return alternatives
@@ -160,6 +163,22 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     for unknown, start in starts.items():
         alternatives += _free_unknown(unknown, start, solution)
     return alternatives
+
+
+def _separate_directions(solution: Search) -> Alternative:
+    """Gains of a reflex in both directions, by the curve of a basis that answers both."""
+    point = solution.point
+    path = point.reflex_path
+    velocity = path.basis.quantiles
+    ramps = np.stack([np.ones(velocity.size), velocity.clip(0.0), (-velocity).clip(0.0)])
+    functions = path.basis(velocity)
+    weights = np.linalg.lstsq(ramps.T, functions.T, rcond=None)[0]
+    _, gain, other_gain = weights @ path.coefficients
+    block = slice(MOTION, MOTION + path.coefficients.size)
+    covariance = point.covariance(solution.free)[block, block]
+    score = other_gain / np.sqrt(weights[2] @ covariance @ weights[2])
+    shifts = compute_shifts(solution.values, {"G": float(gain)})
+    return Alternative("direction", float(other_gain), float(score), shifts)
 
 
 def _add_further(alternatives: list[Alternative]) -> list[Alternative]:

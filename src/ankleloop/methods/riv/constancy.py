@@ -150,7 +150,7 @@ def describe_changes(
     changes: Sequence[int],
     constancy: Constancy,
     values: Mapping[str, float],
-    lags: Lags,
+    lags: Lags | None = None,
     *,
     merged: bool,
 ) -> list[str]:
@@ -160,10 +160,10 @@ def describe_changes(
     return [_describe_halves(constancy, values, lags)]
 
 
-def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: Lags) -> str:
+def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: Lags | None) -> str:
     """Warning about the second half of a record."""
-    before, after = lags.values
-    if np.abs(lags.scores).max() > SIGNIFICANT:
+    if lags is not None and np.abs(lags.scores).max() > SIGNIFICANT:
+        before, after = lags.values
         return f"from the middle on {_describe_lag(after - before)}: {LAG_ADVICE}."
     ratios = []
     for name in _select_named(constancy, 1):
@@ -173,11 +173,11 @@ def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: La
 
 
 def _describe_trial(
-    constancy: Constancy, values: Mapping[str, float], lags: Lags, number: int
+    constancy: Constancy, values: Mapping[str, float], lags: Lags | None, number: int
 ) -> str:
     """Warning about a trial that differs from the others."""
     trial = f"trial {number + 1} of {constancy.shares.size} differs"
-    if abs(lags.scores[number]) > SIGNIFICANT:
+    if lags is not None and abs(lags.scores[number]) > SIGNIFICANT:
         return f"{trial}: {_describe_lag(lags.values[number])} than in the others: {LAG_ADVICE}."
     share = constancy.shares[number]
     changes = []

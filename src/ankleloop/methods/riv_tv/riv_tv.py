@@ -21,6 +21,13 @@ from ankleloop.methods.riv.alternatives import (
     compute_shifts,
     with_alternatives,
 )
+from ankleloop.methods.riv.constancy import (
+    Constancy,
+    compare_parts,
+    describe_changes,
+    divide,
+    find_changes,
+)
 from ankleloop.methods.riv.covariance import estimate_intervals
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
@@ -81,6 +88,11 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
     estimate = _estimate(trials, solution, options)
     if not solution.converged:
         return estimate
+    constancy = measure_constancy(solution)
+    changes = find_changes(constancy, solution.means)
+    if changes:
+        warnings = describe_changes(changes, constancy, solution.means, merged=len(trials) > 1)
+        estimate.diagnostics["warnings"] += warnings
     alternatives = _list_alternatives(trials, solution, options)
     return with_alternatives(estimate, alternatives, trials[0])
 
@@ -98,6 +110,25 @@ def _solve(trials: Sequence[PreparedTrial], options: RivTvOptions) -> TimeVaryin
             options.reference,
         )
     return solve_time_varying(equations)
+
+
+def measure_constancy(solution: TimeVaryingSolution) -> Constancy:
+    """Deviations of the means of K, B, I and G in the trials, or in the halves of a single one."""
+    equations = solution.equations
+    bases = equations.bases
+    starts, shares = divide([part.segment.size for part in equations.course.parts])
+    contributions = solution.system.instruments * solution.residual
+    rows = {}
+    for name, block in bases.blocks.items():
+        rows[name] = np.zeros(len(contributions))
+        rows[name][block] = bases.mean_weights[name]
+    return compare_parts(
+        sums=np.add.reduceat(contributions, starts, axis=1),
+        shares=shares,
+        normal=solution.system.normal + solution.penalty,
+        covariance=solution.covariance,
+        rows=rows,
+    )
 
 
 def _list_alternatives(
