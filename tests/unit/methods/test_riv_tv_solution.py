@@ -66,7 +66,7 @@ def test_a_step_towards_an_effect_goes_where_the_record_without_it_is(
     faulty = solve(with_torque(trial, fault(trial)))
     (alternative,) = [found for found in find_alternatives(faulty) if found.effect == effect]
     assert alternative.significant
-    assert alternative.value == pytest.approx(size, rel=0.2)
+    assert alternative.size == pytest.approx(size, rel=0.2)
     for name in names:
         shift = solution.means[name] / faulty.means[name] - 1.0
         assert alternative.shifts[name] == pytest.approx(shift, rel=0.25), name

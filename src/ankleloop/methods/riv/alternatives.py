@@ -26,6 +26,7 @@ SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
 LARGEST_SHIFT = 0.2  # of a parameter: more is no matter of its interval
 CERTAIN_SHIFT = 0.1  # the same, where the score is beyond doubt
 SMALLEST_PROBABILITY = 1e-300
+EQUAL_SCORE = 0.9  # of the largest score: the record hardly tells the two effects apart
 # s, of a stretch reflex; somewhat longer ones are warned about
 STRETCH_DELAY = (QUANTITIES["delay"].plausible[0], 0.1)
 START_POLE = 100.0  # rad/s, where the search for a third one begins
@@ -100,8 +101,9 @@ def with_alternatives(
         {"effect": alternative.text, "score": alternative.score, "shifts": alternative.shifts}
         for alternative in shown
     ]
-    first = next((alternative for alternative in shown if alternative.doubtful), None)
-    if first is not None:
+    doubtful = [alternative for alternative in shown if alternative.doubtful]
+    if doubtful:
+        first, *others = doubtful
         signs = turned_signs(trial)
         text = first.text
         warning = (
@@ -111,6 +113,9 @@ def with_alternatives(
         if first.further is not None:
             further = first.further
             warning += f" Beside it, {further.text} moves {_describe_move(further, signs)}"
+        for other in others:
+            if abs(other.score) > EQUAL_SCORE * abs(first.score):
+                warning += f" {other.text[0].upper()}{other.text[1:]} explains as much."
         diagnostics["warnings"] = [*diagnostics["warnings"], warning]
         if first.effect == "direction":
             diagnostics["remedy"] = signs
