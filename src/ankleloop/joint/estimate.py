@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
 from importlib import import_module
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,10 +15,12 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop.joint.intervals import compute_intervals, extend_intervals, find_quantile
 from ankleloop.joint.models import Model
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials, sample_channel
 from ankleloop.joint.regressors import MEASURED, merge_torques, split_torques, torque_variable
 from ankleloop.joint.time_varying_course import Onsets, split_onsets
+from ankleloop.options import check_number
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.vaf import vaf
 from ankleloop.subspace.matrices import Matrices
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
+SHOWN_CORRELATION = 0.5
 DIGITS = "{:.4g}".format  # of a parameter
 REMARKS = {
     "missing": "missing",
@@ -169,6 +173,54 @@ class Estimate:
         return replace(self, torque=torque, diagnostics=diagnostics)
 
     @property
+    def covariance(self) -> pd.DataFrame:
+        """Covariance of the parameters, a row and a column for each; empty where the method gives no intervals."""
+        return pd.DataFrame(self.diagnostics.get("covariance", {}))
+
+    @property
+    def correlation(self) -> pd.DataFrame:
+        """Correlation of the parameters, a row and a column for each; empty where the method gives no intervals."""
+        covariance = self.covariance
+        errors = np.sqrt(np.diag(covariance.to_numpy(dtype=float)))
+        return covariance / np.outer(errors, errors)
+
+    def interval(self, level: float = 0.95) -> dict[str, tuple[float, float]]:
+        """Intervals of another confidence.
+
+        Parameters
+        ----------
+        level : float
+            Confidence; 0.95 is that of `intervals`.
+
+        Returns
+        -------
+        dict of str to tuple of float
+            Low and high by the names of `stiffness` and `reflex`; empty where the method gives no intervals. Where the
+            record shows an effect that the model does not have, they hold the values with it, as `intervals` do.
+
+        Raises
+        ------
+        ValueError
+            For a level that is not between 0 and 1.
+
+        Examples
+        --------
+        >>> from ankleloop import identify, simulate
+        >>> estimate = identify(simulate(seed=1, duration=20.0), "riv")
+        >>> (low, high), (lower, higher) = estimate.interval(0.9)["K"], estimate.intervals["K"]
+        >>> lower < low < high < higher
+        True
+        """
+        level = check_number("interval", "level", level, gt=0, lt=1)
+        values = {**self.stiffness, **self.reflex}
+        errors = self.diagnostics.get("standard_errors", {})
+        quantile = find_quantile(level, self.diagnostics.get("freedom", np.inf))
+        intervals = compute_intervals(values, errors, quantile)
+        for effect in self.diagnostics.get("alternatives", [])[:1]:
+            intervals |= extend_intervals(intervals, values, effect["shifts"])
+        return intervals
+
+    @property
     def vaf_net(self) -> float | None:
         """VAF of the net torque [%] without the first and the last second; None without a measured torque."""
         inside = scored_samples(self.torque, TRIM)
@@ -283,9 +335,21 @@ class Estimate:
         if score is not None:
             first = f"net VAF: {score:.1f} %; {first}"
         lines = [first]
+        correlated = self._list_correlated()
+        if correlated:
+            lines.append(f"correlated: {', '.join(correlated)}")
         for kind, label in REMARKS.items():
             lines += [f"{label}: {text}" for text in self.diagnostics.get(kind, ())]
         return lines
+
+    def _list_correlated(self) -> list[str]:
+        """Pairs of parameters that are strongly correlated."""
+        table = self.correlation
+        return [
+            f"{QUANTITIES[first].symbol} and {QUANTITIES[second].symbol} {table.loc[first, second]:.2f}"
+            for first, second in combinations(table.index, 2)
+            if abs(table.loc[first, second]) > SHOWN_CORRELATION
+        ]
 
 
 def add_measured(torque: xr.Dataset, trials: Sequence[PreparedTrial]) -> xr.Dataset:

@@ -12,6 +12,7 @@ from scipy import special
 
 from ankleloop.checks.movement import turned_signs
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.intervals import extend_intervals
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.riv.effects import EFFECTS, Channels
@@ -91,11 +92,7 @@ def with_alternatives(
         return estimate
     shown.sort(key=lambda alternative: -abs(alternative.score))
     values = estimate.stiffness | estimate.reflex
-    intervals = dict(estimate.intervals)
-    for name, shift in shown[0].shifts.items():
-        if name in intervals:
-            ends = (*intervals[name], values[name] * (1.0 + shift))
-            intervals[name] = (min(ends), max(ends))
+    intervals = extend_intervals(estimate.intervals, values, shown[0].shifts)
     diagnostics = dict(estimate.diagnostics)
     diagnostics["alternatives"] = [
         {"effect": alternative.text, "score": alternative.score, "shifts": alternative.shifts}

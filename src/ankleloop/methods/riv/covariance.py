@@ -1,8 +1,7 @@
-"""Covariance of the parameters of `riv`, contributions of times to its equations, and intervals."""
+"""Covariance of the parameters of `riv`, and contributions of times to its equations."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,8 +14,6 @@ from ankleloop.signals.least_squares import solve_scaled
 SCORE_CORRELATION = 1.0  # s: over this the products of residual and instruments may be correlated
 DRIFT_COSINES = 2  # those that a drift within the record would fill
 FEWEST_COSINES = 8  # of a short record
-LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters whose logarithms are normally distributed
-WIDEST_INTERVAL = 50.0  # of such a logarithm
 GRADIENT_STEP = 0.1  # of a standard deviation of a coefficient, for the slopes of G and threshold
 
 
@@ -83,30 +80,3 @@ def parameter_rows(point: Point, covariance: np.ndarray, free: np.ndarray) -> di
         shifted = replace(path, coefficients=path.coefficients + step[coefficients])
         gain[number], threshold[number] = (np.array(shifted.rectifier[:2]) - values) / step.sum()
     return {**rows, "G": gain, "threshold": threshold}
-
-
-def estimate_deviations(point: Point, covariance: np.ndarray, free: np.ndarray) -> dict[str, float]:
-    """Standard deviations of the physical parameters, or of their logarithms."""
-    rows = parameter_rows(point, covariance, free)
-    return {name: float(np.sqrt(row @ covariance @ row)) for name, row in rows.items()}
-
-
-def estimate_intervals(
-    values: Mapping[str, float], deviations: Mapping[str, float], quantile: float
-) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Standard errors and intervals of parameters, some of which have the deviations of their logarithms."""
-    errors = {}
-    intervals = {}
-    for name, value in values.items():
-        if name not in deviations:
-            continue
-        deviation = deviations[name]
-        margin = quantile * deviation
-        if name in LOGARITHMIC:
-            errors[name] = deviation * value
-            ratio = float(np.exp(min(margin, WIDEST_INTERVAL)))
-            intervals[name] = (value / ratio, value * ratio)
-        else:
-            errors[name] = deviation
-            intervals[name] = (value - margin, value + margin)
-    return errors, intervals

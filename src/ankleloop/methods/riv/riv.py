@@ -6,10 +6,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
-from scipy import special
+import numpy as np
+import pandas as pd
 
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.intervals import (
+    compute_intervals,
+    find_quantile,
+    standard_errors,
+    tabulate_covariance,
+)
 from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial, make_regressors
 from ankleloop.joint.regressors import MOTION, merge_torques
@@ -37,15 +44,13 @@ from ankleloop.methods.riv.constancy import (
     measure_lags,
 )
 from ankleloop.methods.riv.covariance import (
-    estimate_deviations,
-    estimate_intervals,
+    parameter_rows,
     robust_covariance,
 )
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
-from ankleloop.signals.vaf import TWO_SIDED
 
 CERTAIN_DELAY = 0.005  # s, standard error
 SHOWN_REFLEX = 4.5  # normal score of a reflex beyond doubt
@@ -199,18 +204,18 @@ def _estimate(
         reflex = {name: value for name, value in reflex.items() if name not in solution.fixed}
         missing = ["ωn and ζ: the record shows no reflex, as of a passive joint."]
     kind = None
-    deviations: dict[str, float] = {}
-    quantile = TWO_SIDED
+    covariance = pd.DataFrame()
+    freedom = np.inf
     warnings = _warnings(solution)
     if constancy is not None:
         merged = len(trials) > 1
         kind = options.intervals or _choose_intervals(point, constancy, merged=merged)
-        deviations, quantile = _quantify(solution, kind, constancy)
+        covariance, freedom = _quantify(solution, kind, constancy)
         changes = find_changes(constancy, solution.values)
         if changes:
             lags = measure_lags(solution)
             warnings += describe_changes(changes, constancy, point.values, lags, merged=merged)
-    errors, intervals = estimate_intervals(point.values, deviations, quantile)
+    errors = standard_errors(covariance)
     inputs = ModelInputs.of(equations.records[0], reflex["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]
@@ -225,7 +230,7 @@ def _estimate(
         torque=merge_torques([model.predict(trial) for trial in trials]),
         stiffness=stiffness,
         reflex=reflex,
-        intervals=intervals,
+        intervals=compute_intervals(point.values, errors, find_quantile(0.95, freedom)),
         diagnostics={
             "order": options.order,
             "iterations": len(solution.points) - 1,
@@ -235,7 +240,9 @@ def _estimate(
             "reference": options.reference,
             "intervals": kind,
             "movement_p": point.movement_p,
+            "covariance": covariance.to_dict(),
             "standard_errors": errors,
+            "freedom": freedom,
             "noise_frequency": band.frequency,
             "noise_spectrum": noise / band.density,
             "nonlinearity": point.reflex_path.curve(),
@@ -265,19 +272,20 @@ def _choose_intervals(point: Point, constancy: Constancy, *, merged: bool) -> st
     return "robust" if point.movement_p < INCOMPLETE else "asymptotic"
 
 
-def _quantify(solution: Search, kind: str, constancy: Constancy) -> tuple[dict[str, float], float]:
-    """Standard deviations for intervals of one kind, and half of such an interval over them."""
+def _quantify(solution: Search, kind: str, constancy: Constancy) -> tuple[pd.DataFrame, float]:
+    """Covariance of the parameters for intervals of one kind, and its degrees of freedom."""
     point = solution.point
+    free = solution.free
+    freedom = np.inf
     if kind == "between trials":
         covariance = constancy.covariance
-        quantile = float(special.stdtrit(constancy.shares.size - 1, 0.975))
+        freedom = constancy.shares.size - 1
     elif kind == "robust":
-        covariance, freedom = robust_covariance(point, solution.free)
-        quantile = float(special.stdtrit(freedom, 0.975))
+        covariance, freedom = robust_covariance(point, free)
     else:
-        covariance = point.covariance(solution.free)
-        quantile = TWO_SIDED
-    return estimate_deviations(point, covariance, solution.free), quantile
+        covariance = point.covariance(free)
+    rows = parameter_rows(point, covariance, free)
+    return tabulate_covariance(point.values, rows, covariance), float(freedom)
 
 
 def _warnings(solution: Search) -> list[str]:

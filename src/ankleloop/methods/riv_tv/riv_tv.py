@@ -6,11 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from ankleloop.checks.course import check_slow_movement, refuse_locked_perturbation
 from ankleloop.checks.findings import name_trial
 from ankleloop.joint.bases import RectifierBasis
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.intervals import (
+    compute_intervals,
+    standard_errors,
+    tabulate_covariance,
+)
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import merge_torques
@@ -28,7 +34,6 @@ from ankleloop.methods.riv.constancy import (
     divide,
     find_changes,
 )
-from ankleloop.methods.riv.covariance import estimate_intervals
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
@@ -114,20 +119,14 @@ def _solve(trials: Sequence[PreparedTrial], options: RivTvOptions) -> TimeVaryin
 
 def measure_constancy(solution: TimeVaryingSolution) -> Constancy:
     """Deviations of the means of K, B, I and G in the trials, or in the halves of a single one."""
-    equations = solution.equations
-    bases = equations.bases
-    starts, shares = divide([part.segment.size for part in equations.course.parts])
+    starts, shares = divide([part.segment.size for part in solution.equations.course.parts])
     contributions = solution.system.instruments * solution.residual
-    rows = {}
-    for name, block in bases.blocks.items():
-        rows[name] = np.zeros(len(contributions))
-        rows[name][block] = bases.mean_weights[name]
     return compare_parts(
         sums=np.add.reduceat(contributions, starts, axis=1),
         shares=shares,
         normal=solution.system.normal + solution.penalty,
         covariance=solution.covariance,
-        rows=rows,
+        rows=solution.parameter_rows,
     )
 
 
@@ -160,8 +159,10 @@ def _estimate(
     means = solution.means
     reflex = {"delay": solution.delay, "G": means.pop("G"), **solution.parameters.dynamics.values}
     values = {**means, **reflex}
-    deviations = solution.deviations if solution.converged else {}
-    _, intervals = estimate_intervals(values, deviations, solution.quantile)
+    covariance = pd.DataFrame()
+    if solution.converged:
+        covariance = tabulate_covariance(values, solution.parameter_rows, solution.covariance)
+    errors = standard_errors(covariance)
     schedule = {}
     if options.schedule:
         unit = str(trials[0].trial[options.schedule].attrs.get("units", ""))
@@ -171,12 +172,15 @@ def _estimate(
         torque=merge_torques(torques),
         stiffness=means,
         reflex=reflex,
-        intervals=intervals,
+        intervals=compute_intervals(values, errors, solution.quantile),
         diagnostics={
             "order": options.order,
             "converged": solution.converged,
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
+            "covariance": covariance.to_dict(),
+            "standard_errors": errors,
+            "freedom": float(course.segments - 1),
             "variation_p": solution.variation_p,
             "excitation": excitations,
             "torque_lag": solution.parameters.lag,

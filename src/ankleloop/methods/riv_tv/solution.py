@@ -101,14 +101,14 @@ class TimeVaryingSolution:
         return explained / max(1.0 - explained, 1e-12) * independent
 
     @property
-    def deviations(self) -> dict[str, float]:
-        """Standard deviations of the means of K, B, I and G, and of the other unknowns."""
+    def parameter_rows(self) -> dict[str, np.ndarray]:
+        """Slopes of the means of K, B, I and G, and of the other unknowns, by all unknowns, shapes (unknowns,)."""
         bases = self.equations.bases
+        units = np.eye(len(self.system.normal))
         means = {
-            name: float(self._deviate(name, bases.mean_weights[name])) for name in bases.blocks
+            name: bases.mean_weights[name] @ units[block] for name, block in bases.blocks.items()
         }
-        others = np.sqrt(np.diag(self.covariance)[bases.size :]).tolist()
-        return {**means, **dict(zip(self.parameters.unknowns, others, strict=True))}
+        return means | dict(zip(self.parameters.unknowns, units[bases.size :], strict=True))
 
     def _deviate(self, name: str, weights: np.ndarray) -> np.ndarray:
         """Standard deviations of weighted sums of the coefficients of a parameter, shapes (..., splines) and (...)."""
