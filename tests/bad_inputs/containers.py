@@ -44,8 +44,7 @@ ROWS = [
     row(
         "mat: cut off",
         cut_off(mat_file()),
-        "a.mat",
-        "ends within a variable",
+        "a.mat: not a readable .mat file",
         "check that the file is whole",
     ),
     row(
@@ -54,8 +53,9 @@ ROWS = [
     row(
         "mat: two channels",
         mat_file(position=np.zeros((300, 2))),
-        "position has shape (300, 2)",
-        "a single channel",
+        "position (300, 2) (first samples 0, 0)",
+        "a single channel: name a part of it, counted from 0, as 'position[:, 0]'",
+        remedy={"position": "position[:, 0]"},
     ),
     row(
         "mat: two lengths",

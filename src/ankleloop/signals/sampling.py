@@ -56,6 +56,13 @@ def compute_rate(times: np.ndarray, *, source: str, name: str = "time") -> float
     return float(f"{1.0 / step:.9g}")
 
 
+def rate_of_interval(interval: float) -> float:
+    """Sampling rate [Hz] of an interval [s] that may be of single precision: a whole number, where it is one."""
+    rate = 1.0 / interval
+    whole = float(round(rate))
+    return whole if abs(rate - whole) <= 1e-5 * rate else rate
+
+
 def check_same_rate(
     stated_rate: float, measured_rate: float, *, source: str, name: str = "time"
 ) -> None:

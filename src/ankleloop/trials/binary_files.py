@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
 import scipy.io
+from matio import load_from_mat, whosmat
 
 from ankleloop.errors import DataError
-from ankleloop.trials.contents import Contents, Variable, as_text
+from ankleloop.signals.sampling import rate_of_interval
+from ankleloop.trials.contents import Contents, Tree, Variable, as_text
 from ankleloop.trials.files import UnreadableError
+from ankleloop.trials.matlab_values import load_value
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
+# Classes of MATLAB whose variables are read when they are asked for.
+NUMBERS = {"double", "single", "logical", "char", "int8", "int16", "int32", "int64"}
+NUMBERS |= {"uint8", "uint16", "uint32", "uint64"}
 FLB_TYPES = {4: "<f4", 2: "<i2", -2: "<u2"}  # of samples, by the format of a case
 FLB_LEVELS = 65535  # of format -2, from the lower end of the range to the upper one
 LISTED_CASES = 30  # that a message has
@@ -28,30 +33,72 @@ class Hdf5Contents(Contents):
 
     Links are followed within the file. Samples outside of it (external links, external storage, virtual data sets) are
     refused: HDF5 puts zeros where such a file is missing.
+
+    A matrix of MATLAB is stored with its axes in reverse. What MATLAB keeps behind references, as struct and cell
+    arrays, tables and objects, is read by mat-io.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self.separator = "." if path.name.lower().endswith(".mat") else "/"
         self._file = h5py.File(path, "r")
+        self._values: dict[str, Tree] = {}  # of MATLAB, by the names of their variables
 
-    def find(self, name: str) -> Variable | None:
-        """Variable of a full name; None if there is none."""
+    def open(self, name: str) -> Tree | None:
+        """Variable, fields of records, or value of MATLAB of a full name; None if there is none."""
         node = self._resolve(name)
+        if _is_value_of_matlab(node):
+            return self._open_value(name)
         if not _is_variable(node):
             return None
+        self._check_place(node, name)
+        if node.dtype.names:
+            return {
+                field: Variable(
+                    field, node.shape + node.dtype[field].shape, partial(node.__getitem__, field)
+                )
+                for field in node.dtype.names
+            }
+        shape = (0,) if node.shape is None else node.shape
+        read = partial(node.__getitem__, ...)
+        if "MATLAB_class" in node.attrs:
+            return Variable(name, shape[::-1], lambda: read().T, node.attrs)
+        return Variable(name, shape, read, node.attrs)
+
+    def _open_value(self, name: str) -> Tree | None:
+        """A value of MATLAB, which mat-io reads with its variable."""
+        variable, *fields = name.split(self.separator)
+        if variable not in self._values:
+            self._file.visititems(lambda path, node: self._check_place(node, path))
+            self._values[variable] = load_value(self.path, variable)
+        value: Tree | None = self._values[variable]
+        for field in fields:
+            value = value.get(field) if isinstance(value, dict) else None
+        return value
+
+    def _check_place(self, node: Any, name: str) -> None:
+        """Refuse samples in other files."""
         is_elsewhere = h5py.h5f.get_name(node.id) != h5py.h5f.get_name(self._file.id)
-        if is_elsewhere or node.is_virtual or node.external:
+        is_data = isinstance(node, h5py.Dataset)
+        if is_elsewhere or (is_data and (node.is_virtual or node.external)):
             raise DataError(
                 f"{self.path.name}: the samples of {name} are in other files: copy them into one file, for example by "
                 "h5repack or with MATLAB."
             )
-        shape = (0,) if node.shape is None else node.shape
-        return Variable(name, shape, partial(node.__getitem__, ...), node.attrs)
 
     def names(self) -> Iterator[str]:
-        """Full names of the variables."""
-        return (path for path in self.paths() if _is_variable(self._resolve(path)))
+        """Full names of the variables, and of their parts."""
+        value = ""  # of MATLAB, whose parts have been listed
+        for path in self.paths():
+            node = self._resolve(path)
+            if value and path.startswith(value):
+                continue
+            if _is_value_of_matlab(node):
+                value = path + self.separator
+                yield from self._list_parts(path)
+            elif _is_variable(node):
+                fields = node.dtype.names
+                yield from (f"{path}.{field}" for field in fields) if fields else (path,)
 
     def paths(self) -> list[str]:
         """Full names of variables and groups; MATLAB's internals, #refs# and #subsystem#, are left out."""
@@ -62,6 +109,12 @@ class Hdf5Contents(Contents):
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, a group, or of the file, whose name is empty."""
         return getattr(self._resolve(owner), "attrs", {})
+
+    def join(self, owner: str, name: str) -> str:
+        """Full name of a variable of a group; the fields of records are behind a point."""
+        if owner and not isinstance(self._resolve(owner), h5py.Group):
+            return f"{owner}.{name}"
+        return super().join(owner, name)
 
     def _resolve(self, name: str) -> Any:
         """Object of a full name; None if there is none."""
@@ -75,57 +128,48 @@ def _is_variable(node: Any) -> bool:
     return not as_text(node.attrs.get("NAME")).startswith(NO_VARIABLE)
 
 
+def _is_value_of_matlab(node: Any) -> bool:
+    """Whether MATLAB keeps an object behind references: a struct or cell array, a table, another object."""
+    if node is None or "MATLAB_class" not in node.attrs:
+        return False
+    if "MATLAB_object_decode" in node.attrs:
+        return True
+    parts = [node] if isinstance(node, h5py.Dataset) else list(node.values())
+    return bool(parts) and all(
+        isinstance(part, h5py.Dataset)
+        and h5py.check_ref_dtype(part.dtype) is not None
+        and (part is node or "MATLAB_class" not in part.attrs)
+        for part in parts
+    )
+
+
 class MatContents(Contents):
-    """Variables of a MATLAB file before v7.3, those of structs by their full names."""
+    """Variables of a MATLAB file before v7.3, with the fields, elements and columns that are in them."""
 
     separator = "."
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        _check_end(path)
-        for name, shape, kind in scipy.io.whosmat(path, False):
-            if kind == "struct":
-                for field, values in self._load(name).items():
-                    self.variables.append(Variable(field, values.shape, values.view))
-            else:
-                self.variables.append(Variable(name, shape, partial(self._read, name)))
+        self._kinds = whosmat(path)
+        self._values: dict[str, Tree] = {}
 
-    def _read(self, name: str) -> np.ndarray:
-        return self._load(name)[name]
+    def open(self, name: str) -> Tree | None:
+        """Numbers, or a value with all that is in it; None if there is none of that name."""
+        if name not in self._kinds:
+            return None
+        shape, kind = self._kinds[name]
+        if kind.removeprefix("complex ") in NUMBERS:
+            return Variable(
+                name, shape, lambda: load_from_mat(self.path, variable_names=[name])[name]
+            )
+        if name not in self._values:
+            self._values[name] = load_value(self.path, name)
+        return self._values[name]
 
-    def _load(self, name: str) -> dict[str, np.ndarray]:
-        """A variable, or all of a struct, by their full names."""
-        contents = scipy.io.loadmat(
-            self.path, appendmat=False, variable_names=[name], simplify_cells=True
-        )
-        return dict(_flatten_struct({name: contents[name]}))
-
-
-def _check_end(path: Path) -> None:
-    """Refuse a MATLAB v5 file that ends within a variable: its library leaves out those behind and says nothing."""
-    size = path.stat().st_size
-    with open(path, "rb") as file:
-        mark = file.read(128)[126:]
-        if mark not in (b"IM", b"MI"):  # v4
-            return
-        order: Literal["little", "big"] = "little" if mark == b"IM" else "big"
-        while tag := file.read(8):
-            end = file.seek(int.from_bytes(tag[4:], order), os.SEEK_CUR)
-            if end > size:
-                raise UnreadableError("it ends within a variable")
-
-
-def _flatten_struct(
-    struct: Mapping[str, Any], prefix: str = ""
-) -> Iterator[tuple[str, np.ndarray]]:
-    for name, value in struct.items():
-        full_name = f"{prefix}{name}"
-        if isinstance(value, dict):
-            yield from _flatten_struct(value, f"{full_name}.")
-        elif isinstance(value, list):  # of structs of any shape
-            yield full_name, np.fromiter(value, object)
-        else:
-            yield full_name, np.atleast_1d(value)
+    def names(self) -> Iterator[str]:
+        """Full names of the variables, and of their parts."""
+        for name in self._kinds:
+            yield from self._list_parts(name)
 
 
 class ClassicNetcdfContents(Contents):
@@ -231,14 +275,7 @@ def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> FlbCase:
             low, high = ranges[:, row % channels]
             attributes = {"scale_factor": (high - low) / FLB_LEVELS, "add_offset": low}
         variables.append(Variable(name, (length,), samples[row].view, attributes))
-    rate = _rate_of(interval)
+    rate = rate_of_interval(interval)
     duration = length / rate
     text = f"case {number}: {', '.join(names)}, {duration:.4g} s at {rate:g} Hz, {comment[:60]!r}"
     return FlbCase(variables, rate, text)
-
-
-def _rate_of(interval: float) -> float:
-    """Sampling rate [Hz] of an interval [s] in single precision: a whole number, where it is one."""
-    rate = 1.0 / interval
-    whole = float(round(rate))
-    return whole if abs(rate - whole) <= 1e-5 * rate else rate

@@ -10,7 +10,7 @@ from contextlib import suppress
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.contents import Contents, Variable, list_names
+from ankleloop.trials.contents import Contents, Variable, number_trial
 from ankleloop.trials.units import RATE_UNITS
 
 # Unit and long name of each variable that the library writes.
@@ -50,18 +50,39 @@ OTHER_WORDS |= {"unit", "units", "name", "label"}
 def find_names(contents: Contents, variables: Mapping[str, str | None]) -> dict[str, str]:
     """Names in the file by role: those that are stated, and of channels without one those that say the channel."""
     taken = {name.lstrip("/") for name in variables.values() if name is not None}
-    paths = list(dict.fromkeys(contents.paths())) if None in variables.values() else []
-    names = {}
+    paths: list[str] = []
+    if None in variables.values():
+        paths = list(dict.fromkeys([*contents.paths(), *contents.names()]))
+    names: dict[str, str] = {}
     for role, stated in variables.items():
         name = stated
         if stated is None and role not in (*paths, *taken) and contents.find(role) is not None:
             name = role  # a link of HDF5, which is no path
         elif stated is None:
-            name = _find_channel(role, contents, [path for path in paths if path not in taken])
+            own = _list_own(paths, contents, names["position"]) if "position" in names else paths
+            name = _find_channel(role, contents, [path for path in own if path not in taken])
         if name is not None:
             taken.add(name)
             names[role] = name
     return names
+
+
+def _list_own(paths: Sequence[str], contents: Contents, position: str) -> list[str]:
+    """Names of variables of the trial of a position: none beside another position, and a number in place of *."""
+    position = position.lstrip("/")
+    if contents.find(position) is None:  # which is refused when it is read
+        return list(paths)
+    owners = contents.owners(position)
+    own = []
+    others = set()
+    for path in paths:
+        array, star, rest = path.partition("[*]")
+        number = re.match(rf"{re.escape(array)}(\[[^\]]*\])", position) if star else None
+        own.append(f"{array}{number[1]}{rest}" if number else path)
+        if _channel_of(path) == "position":
+            others.add(contents.owners(own[-1])[1])
+    others -= set(owners)
+    return [path for path in own if contents.owners(path)[1] not in others]
 
 
 def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str | None:
@@ -74,22 +95,24 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
         name for name in names if _channel_of(name) == channel and _has_samples(contents, name)
     ]
     source = contents.path.name
-    if len(fitting) > 1:
-        raise DataError(
-            f"{source}: {len(fitting)} variables may be the {channel}: {list_names(fitting)}. Name one of them.",
-            remedy={channel: None},
-        )
-    if fitting:
+    if len(fitting) == 1:
         return fitting[0]
-    if channel == "reference":
+    if channel == "reference" and not fitting:
         return None
-    words = " or ".join(CHANNEL_WORDS[channel])
-    others = list_names(name for name in names if _has_samples(contents, name))
-    raise DataError(
-        f"{source}: no variable is called {words}, so that it would be the {channel}; the file has: {others}. Name one "
-        "of these.",
-        remedy={channel: None},
-    )
+    everything = [name for name in contents.names() if _has_samples(contents, name)]
+    listed = f"the file has: {contents.describe(everything)}"
+    if fitting:
+        fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}. Name one of them"
+        is_nested = len({contents.owners(name)[1] for name in fitting}) > 1
+        advice = f"; {listed}" if is_nested else ""
+    else:
+        words = " or ".join(CHANNEL_WORDS[channel])
+        fault = f"no variable is called {words}, so that it would be the {channel}; {listed}. Name one of these"
+        matrices = [
+            variable for name in everything if not (variable := contents.require(name)).is_vector
+        ]
+        advice = f", or a part of one, as {_name_row(matrices[0], '0')!r}" if matrices else ""
+    raise DataError(f"{source}: {fault}{advice}.", remedy={channel: None})
 
 
 def _has_samples(contents: Contents, name: str) -> bool:
@@ -119,10 +142,15 @@ def _channel_of(name: str) -> str | None:
 def find_channels(
     contents: Contents, variables: Mapping[str, str | None]
 ) -> Iterator[tuple[str, Variable, np.ndarray]]:
-    """The variables of a trial by role, without samples; one that does not exist is refused when it is read."""
+    """The variables of a trial by role, without samples, but the first one of a part, so that a neighbour is noticed.
+
+    One that does not exist is refused when it is read.
+    """
     for role, name in find_names(contents, variables).items():
         with suppress(DataError):
-            yield role, contents.require(name), np.empty(0)
+            variable = contents.require(name)
+            samples = contents.read_numbers(variable) if "[" in variable.name else np.empty(0)
+            yield role, variable, samples.ravel()[:1]
 
 
 def read_channels(
@@ -135,14 +163,13 @@ def read_channels(
     """
     names = find_names(contents, variables)
     selected = {role: contents.require(name) for role, name in names.items()}
-    group = selected["torque"].name.rpartition(contents.separator)[0]
+    _check_channels(contents, selected)
+    group = contents.owners(selected["torque"].name)[1]
     for role in TRUE_TORQUES:
         variable = contents.find(contents.join(group, role))
         if variable is not None:
             selected[role] = variable
-    parts = selected["position"].name.split(contents.separator)
-    # The nearest first; the last one is the file.
-    owners = [contents.separator.join(parts[:depth]) for depth in range(len(parts), -1, -1)]
+    owners = contents.owners(selected["position"].name)
     times = (contents.find(contents.join(owner, name)) for owner in owners for name in TIME_NAMES)
     # A single number is no time.
     time = next((part for part in times if part is not None and math.prod(part.shape) != 1), None)
@@ -154,6 +181,49 @@ def read_channels(
     if rates:
         numbers = np.array([*rates.values()])
         yield RATE, Variable(" and ".join(rates), numbers.shape, numbers.copy), numbers
+
+
+def _check_channels(contents: Contents, channels: Mapping[str, Variable]) -> None:
+    """Refuse one variable in place of two channels, several trials, and a matrix in place of a channel."""
+    source = contents.path.name
+    taken: dict[str, str] = {}
+    for role in filter(channels.__contains__, CHANNELS):
+        name = channels[role].name.strip("/")
+        if name in taken:
+            raise DataError(
+                f"{source}: {taken[name]} and {role} are the same variable, {name!r}: name another one."
+            )
+        taken[name] = role
+    several = {role: variable for role, variable in channels.items() if variable.count is not None}
+    single = {role: number_trial(variable.name, 0) for role, variable in several.items()}
+    for variable in several.values():
+        shown = ", ".join(f"{role}={name!r}" for role, name in single.items())
+        raise DataError(
+            f"{source}: {variable.name} stands for {variable.count} trials, and one is read: name it by its number "
+            f"from 0, as {shown}.",
+            remedy=single,
+        )
+    matrices = {
+        role: variable
+        for role, variable in channels.items()
+        if len(variable.shape) > 1 and not variable.is_vector
+    }
+    for role, variable in matrices.items():
+        rows = {name: _name_row(matrix, "0") for name, matrix in matrices.items()}
+        is_meant = _channel_of(variable.name) == role  # else only the user knows which column it is
+        raise DataError(
+            f"{source}: {contents.describe([variable.name])}: {role} has to be a single channel: name a part of it, "
+            f"counted from 0, as {rows[role]!r}; {_name_row(variable, '*')!r} stands for all of them as trials.",
+            remedy=rows if is_meant else {role: None},
+        )
+
+
+def _name_row(matrix: Variable, number: str) -> str:
+    """Name of a row, or a column, of a matrix along its longest axis."""
+    places = ["0"] * len(matrix.shape)
+    places[int(np.argmin(matrix.shape))] = number
+    places[int(np.argmax(matrix.shape))] = ":"
+    return f"{matrix.name}[{', '.join(places)}]"
 
 
 def _find_rates(

@@ -1,18 +1,23 @@
-"""The contents of an open file: its variables, their attributes, and their samples as numbers.
+"""The contents of an open file: its variables, their parts and attributes, and their samples as numbers.
 
 There is one rule for all files. A container (CSV, MATLAB, HDF5, NetCDF, FLB) is a class of `Contents`, chosen by the
 suffix in `trials.reading_process`. Damaged files can kill or halt the process that opens them, so the one that is
 started there does, and no other.
+
+A part of a variable has a name of its own: `data[:, 2]` is a column of a matrix, `trial[2].pos` a field of an element
+of a struct array, `table.angle` a column of a table. Numbers count from 0; `trial[*].pos` stands for all trials.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -21,6 +26,8 @@ from ankleloop.trials.units import normalise_unit
 
 MAX_SAMPLES = 20_000_000  # 160 MB in double precision
 LISTED_NAMES = 30  # that a message has
+LISTED_SAMPLES = 8  # of a matrix
+INDEX = re.compile(r"\[((?:\s*(?:-?\d+|:|\*)\s*,)*\s*(?:-?\d+|:|\*)\s*)\]")
 
 
 @dataclass(frozen=True)
@@ -31,6 +38,19 @@ class Variable:
     shape: tuple[int, ...]
     read: Callable[[], Any]  # gives all samples as an array of any type
     attributes: Mapping[str, Any] = field(default_factory=dict)
+    count: int | None = (
+        None  # of the trials for which its name has a *; shape and samples are those of the first
+    )
+
+    def part(self, index: tuple[int | slice, ...]) -> Variable:
+        """A row, a column or a single number of it."""
+        shape = np.broadcast_to(0, self.shape)[index].shape
+        return replace(self, shape=shape, read=lambda: np.asarray(self.read())[index])
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether it has one sample for each time, as (N,), (N, 1) or (1, N)."""
+        return len(self.shape) in (1, 2) and math.prod(self.shape) == max(self.shape)
 
     @property
     def unit(self) -> str:
@@ -42,6 +62,35 @@ class Variable:
                 text = str(value) if is_number else as_text(value)
                 units[normalise_unit(text)] = text
         return " and ".join(filter(None, units.values()))
+
+
+# A variable, an array of trees (elements of a struct or cell array), or trees by name (fields, columns, channels).
+Tree: TypeAlias = Variable | np.ndarray | dict[str, Any]
+
+
+def list_parts(tree: Tree, name: str, star: str = "*") -> Iterator[str]:
+    """Names of the variables in what has a name; of an array of structs or cells those of its first element."""
+    if isinstance(tree, Variable):
+        yield name
+    elif isinstance(tree, dict):
+        for key, value in tree.items():
+            yield from list_parts(value, f"{name}.{key}", star)
+    elif tree.size == 1:
+        yield from list_parts(tree.item(), name, star)
+    elif tree.size:
+        places = ["0"] * (tree.ndim - 1) + [star]
+        yield from list_parts(tree.flat[0], f"{name}[{', '.join(places)}]", "0")
+
+
+def list_owners(name: str) -> list[str]:
+    """A full name and what may stand for its first part, the longest first."""
+    ends = [match.start() for match in re.finditer(r"[/.\[]", name)]
+    return [name, *(name[:end] for end in reversed(ends))]
+
+
+def number_trial(name: str, number: int) -> str:
+    """Name of a variable of one trial, where it has a * for all of them."""
+    return re.sub(r"(\[[^\[\]*]*)\*", rf"\g<1>{number}", name, count=1)
 
 
 def as_text(value: Any) -> str:
@@ -82,7 +131,16 @@ class Contents:
         self.warnings: list[str] = []  # for who reads the file
 
     def find(self, name: str) -> Variable | None:
-        """Variable of a full name; None if there is none."""
+        """Variable, or part of one, of a full name; None if there is none."""
+        for base in list_owners(name):
+            tree = self.open(base) if base else None
+            part = None if tree is None else self._take_part(tree, base, name[len(base) :])
+            if part is not None:
+                return part
+        return None
+
+    def open(self, name: str) -> Tree | None:
+        """What has a full name, parts aside; None if nothing has."""
         places = [
             place for place, variable in enumerate(self.variables, 1) if variable.name == name
         ]
@@ -92,6 +150,59 @@ class Contents:
                 f"{', '.join(map(str, places))}): give each a name of its own."
             )
         return self.variables[places[0] - 1] if places else None
+
+    def _list_parts(self, name: str) -> list[str]:
+        """Names of what is in a value; none where its library fails, which is refused when it is wanted."""
+        with suppress(Exception):
+            tree = self.open(name)
+            return [] if tree is None else list(list_parts(tree, name))
+        return []
+
+    def _take_part(self, tree: Tree, name: str, steps: str) -> Variable | None:
+        """Part of what has a name, down some steps as `[2]` and `.pos`; None where there is no such part."""
+        index = INDEX.match(steps)
+        if index:
+            return self._take_element(tree, name, index[1], steps[index.end() :])
+        if isinstance(tree, np.ndarray) and tree.size == 1:
+            tree = tree.item()
+        if isinstance(tree, Variable):
+            return None if steps else replace(tree, name=name)
+        fields = tree if isinstance(tree, dict) else {}
+        for key in sorted(fields, key=len, reverse=True):
+            rest = steps.removeprefix(f".{key}")
+            if rest != steps and rest[:1] in ("", ".", "["):
+                return self._take_part(fields[key], f"{name}.{key}", rest)
+        return None
+
+    def _take_element(self, tree: Tree, name: str, text: str, steps: str) -> Variable | None:
+        """Part of an element, or of a row or column, whose numbers its name has from 0."""
+        elements = np.array([tree]) if isinstance(tree, dict) else tree
+        fault = f"{self.path.name}: there is no {name}[{text}]: {name} has shape {elements.shape}"
+        places = [place.strip() for place in text.split(",")]
+        if len(places) > len(elements.shape) or places.count("*") > 1:
+            raise DataError(
+                f"{fault}: write a number or : for each of its axes, and one * at most."
+            )
+        index: list[int | slice] = []
+        count = None
+        for axis, place in enumerate(places):
+            size = elements.shape[axis]
+            number = int(place) if place not in (":", "*") else 0
+            if not -size <= number < size:
+                raise DataError(f"{fault}, and its parts are counted from 0.")
+            index.append(slice(None) if place == ":" else number % size)
+            if place == "*":
+                count = size
+            elif place != ":":
+                places[axis] = str(number % size)
+        at = tuple(index)
+        element = elements.part(at) if isinstance(elements, Variable) else elements[at]
+        part = self._take_part(element, f"{name}[{', '.join(places)}]", steps)
+        if part is None or count is None:
+            return part
+        if part.count is not None:
+            raise DataError(f"{self.path.name}: {part.name}: write one * at most.")
+        return replace(part, count=count)
 
     def names(self) -> Iterable[str]:
         """Full names of the variables."""
@@ -112,16 +223,45 @@ class Contents:
     def require(self, name: str) -> Variable:
         """Variable of a name; a leading slash, as HDF5 tools show it, does not matter."""
         variable = self.find(name) or self.find(name.lstrip("/"))
-        if variable is None:
-            raise DataError(
-                f"{self.path.name}: there is no variable {name!r}; the file has: {list_names(self.names())}. Name one "
-                "of these."
-            )
-        return variable
+        if variable is not None:
+            return variable
+        names = list(self.names())
+        parts = [part for part in names if part.startswith((f"{name}.", f"{name}[", f"{name}/"))]
+        fault = f"there is no variable {name!r}; the file has: {self.describe(names)}"
+        if parts:
+            fault = f"{name} is no single variable, it has: {self.describe(parts)}"
+        raise DataError(f"{self.path.name}: {fault}. Name one of these.")
+
+    def describe(self, names: Iterable[str]) -> str:
+        """Names of variables for a message, with the shapes and the first samples of those that are no vectors."""
+        return list_names(map(self._describe_variable, names))
+
+    def _describe_variable(self, name: str) -> str:
+        with suppress(DataError):
+            variable = self.find(name)
+            if variable is None or (variable.count is None and variable.is_vector):
+                return name
+            if variable.count is not None:
+                return f"{name} ({variable.count} of {variable.shape})"
+            longest = int(np.argmax(variable.shape))
+            first = np.take(self.read_numbers(variable), 0, axis=longest).ravel()
+            if 1 < first.size <= LISTED_SAMPLES:
+                samples = ", ".join(f"{sample:.3g}" for sample in first)
+                return f"{name} {variable.shape} (first samples {samples})"
+            return f"{name} {variable.shape}"
+        return name
 
     def join(self, owner: str, name: str) -> str:
-        """Full name of a variable of a group; that of the file is empty."""
+        """Full name of a variable of a group, struct, table or object; that of the file is empty."""
         return f"{owner}{self.separator}{name}" if owner else name
+
+    def owners(self, name: str) -> list[str]:
+        """A variable and what it belongs to, the nearest first; the last one is the file, whose name is empty."""
+        names = list_owners(name)
+        base = next((part for part in names if part and self.open(part) is not None), name)
+        groups = base.split(self.separator)
+        outer = [self.separator.join(groups[:depth]) for depth in range(len(groups), -1, -1)]
+        return [*names[: names.index(base)], *outer]
 
     def find_number(self, owner: str, name: str) -> Variable | None:
         """Variable of a single value beside others, or else attribute; None if there is neither."""

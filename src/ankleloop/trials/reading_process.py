@@ -4,7 +4,8 @@ A file that is damaged in a way that crashes or halts the library of its format,
 `DataError`, and nothing else happens. The process is started for the first file (to start one takes longer than to read
 a file), and serves those that follow, until a library fails: then its state is not to be trusted any more.
 
-Requests and answers are JSON over a pipe, and samples behind their channel as bytes: nothing in an answer is executed.
+Requests and answers are lines of JSON over a pipe, and the samples of a variable stand behind its line, in one message:
+nothing in an answer is executed, and no answer can be taken for another one. Every wait for an answer has a limit.
 """
 
 from __future__ import annotations
@@ -44,15 +45,17 @@ SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0
 BYTES, BYTES_PER_BYTE = 1 << 30, 4
 PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
+STARTING = 60.0  # s, until the process has started
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MATLAB_HEADER = 512  # bytes before that signature in files of MATLAB v7.3
 PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_process import main; main()"
 WHOLE = "check that the file is whole and its suffix right, or restore it from a copy"
+LATE = "it was not read in time: the computer is busy, or the disk slow"
 # How the process may end without an answer, where that says nothing about the file.
 ENDS = {
     1: f"the process that reads it did not start: {sys.executable} -P -c ... failed; use another Python",
     -signal.SIGKILL: "the process that reads it was killed (SIGKILL), most often as memory was short: free memory",
-    -signal.SIGALRM: "it was not read in time: the computer is busy, or the disk slow",
+    -signal.SIGALRM: LATE,
 }
 
 
@@ -190,30 +193,57 @@ def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dic
 def _exchange(
     process: subprocess.Popen[bytes], pipe: Connection, request: dict[str, Any], name: str
 ) -> dict[str, Variable]:
-    """Send a request about a file, and receive variables by role."""
-    variables = {}
+    """Send a request about a file, and receive variables by role, or end the process if that takes too long."""
+    variables: dict[str, Variable] = {}
+    is_late = threading.Event()
+
+    def end_process() -> None:
+        is_late.set()
+        process.kill()
+
+    watch = threading.Timer(STARTING + PATIENCE * request["seconds"], end_process)
+    watch.daemon = True
+    watch.start()
     try:
         pipe.send_bytes(json.dumps(request).encode())
-        while isinstance(message := json.loads(pipe.recv_bytes()), list):
-            role, variable, unit, shape = message
-            read = partial(np.frombuffer, pipe.recv_bytes(), "<f8")
-            variables[role] = Variable(variable, tuple(shape), read, {"unit": unit})
+        while (answer := _receive(pipe, variables)) is None:
+            pass
     except (OSError, EOFError):
         status = process.wait()
-        if status in ENDS:
-            raise ResourceError(f"{name}: {ENDS[status]}; try again.") from None
+        end = LATE if is_late.is_set() else ENDS.get(status)
+        if end is not None:
+            raise ResourceError(f"{name}: {end}; try again.") from None
         if status == -signal.SIGPROF:
             fault = f"stopped after {request['seconds']:.0f} s, the limit for its size"
         else:
             fault = f"it crashed the process that reads it, status {status}"
         raise UnreadableError(fault) from None
-    if "refusal" in message:
-        raise DataError(message["refusal"], message["remedy"])
-    if "reason" in message:
-        raise UnreadableError(message["reason"])
-    for text in message["warnings"]:
+    finally:
+        watch.cancel()
+    if "refusal" in answer:
+        raise DataError(answer["refusal"], answer["remedy"])
+    if "reason" in answer:
+        raise UnreadableError(answer["reason"])
+    for text in answer["warnings"]:
         warnings.warn(text, UserWarning, stacklevel=5)  # of the caller of read_trial
     return variables
+
+
+def _receive(pipe: Connection, variables: dict[str, Variable]) -> dict[str, Any] | None:
+    """Receive a variable; what else the process answers is the end."""
+    message = pipe.recv_bytes()
+    end = message.index(b"\n") + 1
+    answer: dict[str, Any] = json.loads(message[:end])
+    if "role" not in answer:
+        return answer
+    variables[answer["role"]] = Variable(
+        name=answer["name"],
+        shape=tuple(answer["shape"]),
+        read=partial(np.frombuffer, message, "<f8", offset=end),
+        attributes={"unit": answer["unit"]},
+        count=answer["count"],
+    )
+    return None
 
 
 # --- What runs in the other process
@@ -239,7 +269,12 @@ def main() -> None:
     with suppress(EOFError):
         while True:
             request = json.loads(pipe.recv_bytes())
-            pipe.send_bytes(json.dumps(_answer(pipe, request)).encode())
+            pipe.send_bytes(_line(_answer(pipe, request)))
+
+
+def _line(answer: dict[str, Any]) -> bytes:
+    """A line of JSON."""
+    return json.dumps(answer).encode() + b"\n"
 
 
 def _answer(pipe: Connection, request: dict[str, Any]) -> dict[str, Any]:
@@ -253,9 +288,16 @@ def _answer(pipe: Connection, request: dict[str, Any]) -> dict[str, Any]:
         contents = container(path)
         task = TASKS[request["task"]]
         for role, variable, numbers in task(contents, **request["wanted"]):
-            description = [role, variable.name, variable.unit, numbers.shape]
-            pipe.send_bytes(json.dumps(description).encode())
-            pipe.send_bytes(numbers.tobytes())
+            line = _line(
+                {
+                    "role": role,
+                    "name": variable.name,
+                    "shape": variable.shape,
+                    "unit": variable.unit,
+                    "count": variable.count,
+                }
+            )
+            pipe.send_bytes(b"".join([line, np.ravel(numbers).data]))
         return {"warnings": contents.warnings}
     except DataError as error:
         return {"refusal": str(error), "remedy": error.remedy}

@@ -214,6 +214,28 @@ def test_mat_v5_struct(tmp_path):
         read_trial(tmp_path / "a.mat", position="rec.pos", torque="rec.ankle.tq")
 
 
+def test_mat_v5_with_structs_of_any_shape_beside_the_channels(tmp_path):
+    cells = np.array([{"a": P}, np.array([{"a": P}, {"a": P}], dtype=object)], dtype=object)
+    scipy.io.savemat(tmp_path / "a.mat", {"rec": {"pos": P, "tq": TQ, "Fs": RATE, "cells": cells}})
+    with pytest.raises(
+        DataError, match=r"a.mat: rec.cells is no single variable, it has: rec.cells\[\*\].a \(2 of"
+    ):
+        read_trial(tmp_path / "a.mat", position="rec.cells", torque="rec.tq")
+
+
+def test_mat_v73_struct(tmp_path):
+    path = write_v73(
+        tmp_path / "a.mat", {"rec": {"ankle": {"pos": P, "tq": TQ}, "Fs": RATE}, "fs": 1.0}
+    )
+    assert_signals(read_trial(path, position="rec.ankle.pos", torque="rec.ankle.tq"))
+    assert_signals(read_trial(path))  # by their names
+    with pytest.raises(
+        DataError,
+        match=r"no variable 'pos'; the file has: fs, rec.Fs, rec.ankle.pos, rec.ankle.tq\.",
+    ):
+        read_trial(path, position="pos")
+
+
 # --- HDF5
 
 
