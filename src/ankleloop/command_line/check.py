@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ankleloop.command_line.reading import FILE, map_file, reading_options
+from ankleloop.command_line.reading import FILE, map_trials, reading_options
 from ankleloop.command_line.terminal import COLOURS, echo, show_correction, show_next
+from ankleloop.config.recording_settings import Recording, name_trials
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from ankleloop.config.recording_settings import Recording
     from ankleloop.recordings.checks import Check
 
 EPILOG = """\b
@@ -35,15 +35,17 @@ def check(file: Path, **values: Any) -> int:
     cases, they are listed. Length, clipping, spikes, sign of the torque, coherence, excitation and drift are checked,
     and whether the loop is closed, which decides which methods are valid.
     """
-    _, result = check_file(file, map_file(file, **values))
-    echo()
-    for finding in result.findings:
-        echo(
-            f"{click.style(f'{finding.verdict:>8}', fg=COLOURS[finding.verdict])}  {finding.name}: {finding.text}"
-        )
     words = click.get_current_context().obj
-    show_correction(result.remedy, words)
-    if result.verdict == "refused":
+    verdicts = set()
+    for name, recording in name_trials(file.name, map_trials(file, **values)).items():
+        _, result = check_file(file, recording)
+        echo("" if name == file.name else f"\n{click.style(name, bold=True)}")
+        for finding in result.findings:
+            verdict = click.style(f"{finding.verdict:>8}", fg=COLOURS[finding.verdict])
+            echo(f"{verdict}  {finding.name}: {finding.text}")
+        show_correction(result.remedy, words)
+        verdicts.add(result.verdict)
+    if verdicts == {"refused"}:
         return 1
     show_next(shlex.join(["ankleloop", "identify", *words[1:]]))
     return 0

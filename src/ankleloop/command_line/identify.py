@@ -8,9 +8,15 @@ from typing import Any
 
 import click
 
-from ankleloop.command_line.reading import FILE, FOLDER, map_file, name_recordings, reading_options
+from ankleloop.command_line.reading import (
+    FILE,
+    FOLDER,
+    map_trials,
+    name_recordings,
+    reading_options,
+)
 from ankleloop.command_line.terminal import echo, show_correction, show_next, show_progress
-from ankleloop.config.recording_settings import Recording
+from ankleloop.config.recording_settings import Recording, name_trials
 from ankleloop.errors import DataError
 
 EPILOG = """\b
@@ -91,20 +97,25 @@ def identify(
     folder = output or Path("ankleloop-results" if several else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
-    recordings = name_recordings(files)
+    recordings = {}  # and their files
+    for name, path in name_recordings(files).items():
+        try:
+            trials = map_trials(path, **values)
+        except DataError:  # its page says why
+            trials = [Recording(file=path.name)]
+        for trial, recording in name_trials(name, trials).items():
+            recordings[trial] = (recording, path)
+    several = len(recordings) > 1
     if not overwrite:
         analysis.refuse_results(folder, recordings)
-    studies = []
-    for name, path in recordings.items():
-        try:
-            recording = map_file(path, **values)
-        except DataError:  # its page says why
-            recording = Recording(file=path.name)
-        studies.append(analysis.make_study(name, path, recording, methods, fields))
+    studies = [
+        (analysis.make_study(name, path, recording, methods, fields), path)
+        for name, (recording, path) in recordings.items()
+    ]
     tables = []
-    for number, (study, path) in enumerate(zip(studies, recordings.values(), strict=True), 1):
+    for number, (study, path) in enumerate(studies, 1):
         if several:
-            echo(f"file {number} of {len(files)}: {path}", err=True)
+            echo(f"recording {number} of {len(studies)}: {study.name} ({path})", err=True)
         with show_progress():
             table = analysis.identify_recording(study, folder)
         if several:

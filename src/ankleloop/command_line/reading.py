@@ -16,7 +16,7 @@ from ankleloop.config.recording_settings import Recording
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import CHANNELS
 from ankleloop.trials.contents import Variable
-from ankleloop.trials.reading_options import NO_REFERENCE
+from ankleloop.trials.reading_options import NO_REFERENCE, list_trials
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.units import find_position_unit
 
@@ -64,6 +64,11 @@ def list_choices(field: FieldInfo) -> list[Any]:
     return [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
 
 
+def map_trials(path: Path, **values: Any) -> list[Recording]:
+    """Map the variables of each trial of a file to channels, and show it; most files have one."""
+    return list_trials(path, map_file(path, **values))
+
+
 def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Recording:
     """Map the variables of a file to channels, and show it; what the options leave out follows from names and units."""
     stated = {name: value for name, value in values.items() if value is not None}
@@ -90,10 +95,19 @@ def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Record
     recording = options.model_copy(update=mapping)
     unit_text = f"{recording.position_unit}{remark}"
     echo(click.style(path.name, bold=True))
-    echo(f"  position  {recording.position}, in {unit_text}, sign {recording.position_sign:+d}")
-    echo(f"  torque    {recording.torque}, in N·m, sign {recording.torque_sign:+d}")
-    echo(f"  reference {recording.reference}")
+    names = {role: _describe_part(name, variables.get(role)) for role, name in mapping.items()}
+    echo(f"  position  {names['position']}, in {unit_text}, sign {recording.position_sign:+d}")
+    echo(f"  torque    {names['torque']}, in N·m, sign {recording.torque_sign:+d}")
+    echo(f"  reference {names['reference']}")
     return recording
+
+
+def _describe_part(name: str, variable: Variable | None) -> str:
+    """Name of a channel, and the first sample of a part of a variable, so that a neighbour is noticed."""
+    if variable is None or not variable.read().size:
+        return name
+    several = f"{variable.count} trials, the first one " if variable.count else ""
+    return f"{name} ({several}begins with {variable.read()[0]:.4g})"
 
 
 def _find_variables(path: Path, options: Recording) -> dict[str, Variable]:

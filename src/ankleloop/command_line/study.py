@@ -16,12 +16,13 @@ from ankleloop.command_line.check import check_file
 from ankleloop.command_line.reading import (
     FILE,
     list_choices,
-    map_file,
+    map_trials,
     name_recording,
     name_recordings,
     reading_options,
 )
 from ankleloop.command_line.terminal import echo, refuse_existing, show_next
+from ankleloop.config.recording_settings import name_trials
 from ankleloop.options import suggest_name
 
 Values = dict[str, Any]  # by name
@@ -103,8 +104,12 @@ def _describe_recordings(files: Sequence[Path], values: Values) -> tuple[Values,
     recordings = []
     described = {}
     remarks = []
-    for name, file in name_recordings(files).items():
-        recording = map_file(file, **values)
+    trials = [
+        (name, file, recording)
+        for stem, file in name_recordings(files).items()
+        for name, recording in name_trials(stem, map_trials(file, **values)).items()
+    ]
+    for name, file, recording in trials:
         _, check = check_file(file, recording)
         if values.get("torque_sign") is None and "torque_sign" in check.remedy:
             recording = recording.model_copy(update={"torque_sign": -1})

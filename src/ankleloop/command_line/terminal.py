@@ -16,6 +16,9 @@ COLOURS = {"ok": "green", "warning": "yellow", "refused": "red"}
 PROGRESS = "ankleloop.recordings.analysis"  # the logger that says which method is being fitted
 # What only the user knows, by the options that need it.
 PLACEHOLDERS = {
+    "position": "NAME",
+    "torque": "NAME",
+    "reference": "NAME",
     "sampling_rate": "HZ",
     "case": "NUMBER",
     "variables": "NAME=VARIABLE",

@@ -6,7 +6,7 @@ Recordings are listed in the configuration, or in a CSV table with a row for eac
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
@@ -20,9 +20,10 @@ from ankleloop.config.checking import (
     find_kind,
     read_rows,
 )
+from ankleloop.errors import DataError
 from ankleloop.options import option, show_value
 from ankleloop.trials.files import PathLike
-from ankleloop.trials.reading_options import ReadingOptions
+from ankleloop.trials.reading_options import ReadingOptions, list_trials
 
 MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
 RECORDING_NAME = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
@@ -101,8 +102,27 @@ class _Row(Recording):
         return self.batch or self.name or "-".join(parts) or Path(self.file).name
 
 
-def read_recordings(path: PathLike, defaults: Mapping[str, Any]) -> dict[str, list[Recording]]:
-    """Read a table of recordings: the files of each by its name, of which there are several where they are merged."""
+def name_trials(name: str, trials: Sequence[Recording]) -> dict[str, Recording]:
+    """Trials of a file by the names of their recordings, which are numbered where there are several."""
+    if len(trials) == 1:
+        return {name: trials[0]}
+    return {f"{name}-{number}": trial for number, trial in enumerate(trials)}
+
+
+def split_recording(recording: Recording, folder: Path) -> list[Recording]:
+    """The trials of its file, where names of variables have a * for their number; a job refuses what cannot be read."""
+    with suppress(DataError):
+        return list_trials(folder / recording.file, recording)
+    return [recording]
+
+
+def read_recordings(
+    path: PathLike, defaults: Mapping[str, Any], folder: Path = Path()
+) -> dict[str, list[Recording]]:
+    """Read a table of recordings: the files of each by its name, of which there are several where they are merged.
+
+    `folder` has the files. Trials of one file are recordings of their own, or merged in a row with a batch.
+    """
     recordings: dict[str, list[Recording]] = {}
     batches: set[str | None] = set()  # names of merged recordings
     numbers = {
@@ -123,12 +143,17 @@ def read_recordings(path: PathLike, defaults: Mapping[str, Any]) -> dict[str, li
                 f"{place}: the name {show_value(name)} must consist of at most {MAX_NAME} letters A-Z a-z, digits and "
                 "_ - ., and begin with a letter or digit: write another one into the column name."
             )
-        parts = recordings.setdefault(name, [])
-        is_merged = row.batch and name in batches
-        if part in parts or (parts and not is_merged):
-            raise ConfigError(
-                f"{place}: the name {name!r} is taken; give each row, and each batch, a name of its own."
-            )
+        trials = split_recording(part, folder)
+        named = {name: trials}
+        if not row.batch:
+            named = {key: [trial] for key, trial in name_trials(name, trials).items()}
+        for key, parts in named.items():
+            others = recordings.setdefault(key, [])
+            is_merged = row.batch and key in batches
+            if any(trial in others for trial in parts) or (others and not is_merged):
+                raise ConfigError(
+                    f"{place}: the name {key!r} is taken; give each row, and each batch, a name of its own."
+                )
+            others += parts
         batches.add(row.batch)
-        parts.append(part)
     return recordings

@@ -15,7 +15,12 @@ from typing import Any, NamedTuple
 
 from ankleloop.config.checking import Values, check, check_cases, expand_path, key_error
 from ankleloop.config.points import Point, list_points
-from ankleloop.config.recording_settings import read_recordings
+from ankleloop.config.recording_settings import (
+    Recording,
+    name_trials,
+    read_recordings,
+    split_recording,
+)
 from ankleloop.config.settings import Config, RecordingsStudy, SimulationStudy
 
 MAX_SAMPLES = 2**25  # of all trials of a trial file, about, which then has 2 GB
@@ -220,10 +225,16 @@ class RecordedStudy(Study):
         """Mapping of each recording by its name, with paths and mappings of all its files as `paths` and `parts`."""
         settings = self.settings
         place = ("studies", self.name)
-        recordings = {name: [recording] for name, recording in settings.files.items()}
+        folder = expand_path(settings.folder, f"study {self.name}: the folder of its recordings")
+        recordings: dict[str, list[Recording]] = {}
+        for stem, recording in settings.files.items():
+            for name, trial in name_trials(stem, split_recording(recording, folder)).items():
+                if name in recordings:
+                    raise key_error((*place, "files"), f"two recordings are called {name!r}.")
+                recordings[name] = [trial]
         if settings.table:
             path = expand_path(settings.table, f"study {self.name}: the table of its recordings")
-            for name, parts in read_recordings(path, settings.shared).items():
+            for name, parts in read_recordings(path, settings.shared, folder).items():
                 if name in recordings:
                     raise key_error(
                         place,
@@ -233,7 +244,6 @@ class RecordedStudy(Study):
         if not recordings:
             raise key_error(place, "name its recordings under files, or a table that lists them.")
         check_cases("files", recordings)
-        folder = expand_path(settings.folder, f"study {self.name}: the folder of its recordings")
         return {
             name: {
                 **parts[0].model_dump(),

@@ -184,16 +184,8 @@ def read_channels(
 
 
 def _check_channels(contents: Contents, channels: Mapping[str, Variable]) -> None:
-    """Refuse one variable in place of two channels, several trials, and a matrix in place of a channel."""
+    """Refuse several trials, and a matrix, in place of a channel."""
     source = contents.path.name
-    taken: dict[str, str] = {}
-    for role in filter(channels.__contains__, CHANNELS):
-        name = channels[role].name.strip("/")
-        if name in taken:
-            raise DataError(
-                f"{source}: {taken[name]} and {role} are the same variable, {name!r}: name another one."
-            )
-        taken[name] = role
     several = {role: variable for role, variable in channels.items() if variable.count is not None}
     single = {role: number_trial(variable.name, 0) for role, variable in several.items()}
     for variable in several.values():

@@ -27,7 +27,7 @@ from ankleloop.trials.units import normalise_unit
 MAX_SAMPLES = 20_000_000  # 160 MB in double precision
 LISTED_NAMES = 30  # that a message has
 LISTED_SAMPLES = 8  # of a matrix
-INDEX = re.compile(r"\[((?:\s*(?:-?\d+|:|\*)\s*,)*\s*(?:-?\d+|:|\*)\s*)\]")
+INDEX = re.compile(r"\[((?:\s*(?:\d+|:|\*)\s*,)*\s*(?:\d+|:|\*)\s*)\]")
 
 
 @dataclass(frozen=True)
@@ -175,34 +175,22 @@ class Contents:
         return None
 
     def _take_element(self, tree: Tree, name: str, text: str, steps: str) -> Variable | None:
-        """Part of an element, or of a row or column, whose numbers its name has from 0."""
+        """Part of an element, or of a row or a column; of all, for which * stands, the first and their count."""
         elements = np.array([tree]) if isinstance(tree, dict) else tree
-        fault = f"{self.path.name}: there is no {name}[{text}]: {name} has shape {elements.shape}"
         places = [place.strip() for place in text.split(",")]
-        if len(places) > len(elements.shape) or places.count("*") > 1:
+        numbers = [place.replace("*", "0") for place in places]
+        index = tuple(slice(None) if number == ":" else int(number) for number in numbers)
+        try:
+            element = elements.part(index) if isinstance(elements, Variable) else elements[index]
+        except IndexError:
             raise DataError(
-                f"{fault}: write a number or : for each of its axes, and one * at most."
-            )
-        index: list[int | slice] = []
-        count = None
-        for axis, place in enumerate(places):
-            size = elements.shape[axis]
-            number = int(place) if place not in (":", "*") else 0
-            if not -size <= number < size:
-                raise DataError(f"{fault}, and its parts are counted from 0.")
-            index.append(slice(None) if place == ":" else number % size)
-            if place == "*":
-                count = size
-            elif place != ":":
-                places[axis] = str(number % size)
-        at = tuple(index)
-        element = elements.part(at) if isinstance(elements, Variable) else elements[at]
+                f"{self.path.name}: there is no {name}[{text}]: {name} has shape {elements.shape}, and parts are "
+                "counted from 0."
+            ) from None
         part = self._take_part(element, f"{name}[{', '.join(places)}]", steps)
-        if part is None or count is None:
+        if part is None or "*" not in places:
             return part
-        if part.count is not None:
-            raise DataError(f"{self.path.name}: {part.name}: write one * at most.")
-        return replace(part, count=count)
+        return replace(part, count=elements.shape[places.index("*")])
 
     def names(self) -> Iterable[str]:
         """Full names of the variables."""

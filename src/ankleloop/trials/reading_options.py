@@ -5,17 +5,24 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Any, Literal, Self
+from pathlib import Path
+from typing import Any, Literal, Self, TypeVar
 
 from pydantic import field_validator, model_validator
 
+from ankleloop.errors import DataError
 from ankleloop.options import Options, option, show_value
 from ankleloop.trials.channels import CHANNELS
+from ankleloop.trials.contents import number_trial
+from ankleloop.trials.reading_process import read_channels
 
 NO_REFERENCE = "none"  # in place of the name of a variable
 # Names of further variables: not those that a trial has anyway, or that its reading records.
 FURTHER_NAME = r"(?!torque|(position(_unit|_sign)?|reference|time|sampling_rate|source)$)[A-Za-z]\w*(?<!_variable)"
 PAIRS = "pairs of a name in the trial and the variable of the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
+
+
+Reading = TypeVar("Reading", bound="ReadingOptions")
 
 
 class ReadingOptions(Options):
@@ -60,7 +67,8 @@ class ReadingOptions(Options):
             return None
         pairs = value
         if isinstance(value, str):
-            parts = [pair.partition("=") for pair in value.split(",")]
+            # Not at a comma in brackets, as of data[:, 2].
+            parts = [pair.partition("=") for pair in re.split(r",(?![^\[]*\])", value)]
             pairs = {name.strip(): variable.strip() for name, _, variable in parts}
         texts = [*pairs, *pairs.values()] if isinstance(pairs, Mapping) else [None]
         if not all(isinstance(text, str) and text for text in texts):
@@ -78,7 +86,7 @@ class ReadingOptions(Options):
         """A variable that serves as two channels makes every estimate of one by the other perfect, and wrong."""
         channels: dict[str, str] = {}
         for channel, name in self.channels.items():
-            other = channels.setdefault(name.strip("/ "), channel)
+            other = channels.setdefault(name.replace(" ", "").strip("/"), channel)
             if other != channel:
                 raise ValueError(
                     f"{other} and {channel} are the same variable, {name!r}: name another one."
@@ -103,6 +111,12 @@ class ReadingOptions(Options):
         """Names of further variables in the file by their names in the trial."""
         return dict(self.variables) if isinstance(self.variables, dict) else {}
 
+    def of_trial(self, number: int) -> Self:
+        """Options of one trial, where names have a * for all of a file."""
+        names = {role: number_trial(name, number) for role, name in self.channels.items()}
+        further = {role: number_trial(name, number) for role, name in self.further.items()}
+        return self.model_copy(update={**names, "variables": further or None})
+
     def factor(self, channel: str) -> float:
         """Compute the factor that brings the numbers of the file to rad and N·m, with the sign of the convention."""
         if channel.startswith("torque"):
@@ -110,3 +124,19 @@ class ReadingOptions(Options):
         if channel not in ("position", "reference"):
             return 1.0
         return self.position_sign * (math.pi / 180.0 if self.position_unit == "deg" else 1.0)
+
+
+def list_trials(path: Path, options: Reading) -> list[Reading]:
+    """Options for each trial of a file, where the names of variables have a * in place of its number."""
+    if "*" not in "".join(options.channels.values()):
+        return [options]
+    variables = read_channels(path, options.case, "find", variables=options.names)
+    counts = {
+        variable.name: variable.count or 1
+        for role, variable in variables.items()
+        if role in options.channels
+    }
+    if len(set(counts.values())) > 1:
+        shown = ", ".join(f"{count} of {name}" for name, count in counts.items())
+        raise DataError(f"{path.name}: the channels have different numbers of trials: {shown}.")
+    return [options.of_trial(number) for number in range(max(counts.values(), default=1))]

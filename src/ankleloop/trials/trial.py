@@ -23,7 +23,8 @@ from ankleloop.signals.sampling import (
     parse_rate,
 )
 from ankleloop.trials.channels import CHANNELS, VARIABLES
-from ankleloop.trials.units import check_unit
+from ankleloop.trials.contents import Variable
+from ankleloop.trials.units import check_unit, find_position_unit
 
 REQUIRED = ("position", "torque")
 SMALLEST_SPREAD, LARGEST_SAMPLE = 1e-15, 1e15  # of a channel, rad or N·m
@@ -49,7 +50,8 @@ def new_trial(
     sampling_rate : float
         Sampling rate [Hz].
     reference : array_like, shape as `position`, optional
-        Position command to the servo [rad].
+        Position command to the servo [rad]. An array with an attribute `units`, as a DataArray has, is read as a
+        variable of a file: a position in deg is converted, with its reference, and another unit is refused.
     **extras : array_like, number or str
         Arrays of the same length become variables (those named `torque…` in N·m, others without unit); numbers and
         strings become attributes; None is left out. The attribute `source` names the data in error messages.
@@ -81,11 +83,16 @@ def new_trial(
     arrays: dict[str, np.ndarray] = {}
     attributes: dict[str, Any] = {"sampling_rate": rate}
     values = {"position": position, "torque": torque, "reference": reference, **extras}
+    position_unit = find_position_unit("position", _unit_of(position)) or "rad"
     for name, value in values.items():
         if value is None and name not in REQUIRED:
             continue
         if name in CHANNELS or isinstance(value, list | tuple) or np.ndim(value) > 0:
             arrays[name] = as_samples(value, name, source=source)
+            if name in CHANNELS or name.startswith("torque"):
+                check_unit(name, name, _unit_of(value), position_unit, source=source)
+            if name in ("position", "reference") and position_unit == "deg":
+                arrays[name] = np.radians(arrays[name])
         else:
             attributes[name] = _as_attribute(np.asarray(value).item(), name, source)
     check_sizes({name: array.size for name, array in arrays.items()}, source=source)
@@ -93,6 +100,11 @@ def new_trial(
     variables = {name: ("time", array, _describe(name)) for name, array in arrays.items()}
     trial = xr.Dataset(variables, {"time": ("time", time, _describe("time"))}, attributes)
     return validate(trial, source=source)
+
+
+def _unit_of(values: ArrayLike) -> str:
+    """Unit that an array states by its attribute `units`, as a variable of a file does."""
+    return Variable("", (), list, getattr(values, "attrs", {})).unit
 
 
 def _describe(name: str) -> dict[str, str]:

@@ -191,7 +191,7 @@ def test_identify_several_files(run, trial, tmp_path):
     table = pd.read_csv(tmp_path / "results" / "recordings.csv").set_index("recording")
     assert list(table["verdict"] == "refused") == [False, True, True]
     assert (tmp_path / "results" / "recordings-figure.png").stat().st_size > 1_000
-    assert f"file 2 of 3: {tmp_path / 'S2.h5'}\n" in result.err
+    assert f"recording 2 of 3: S2 ({tmp_path / 'S2.h5'})\n" in result.err
     (summary,) = [line for line in result.out.splitlines() if "PR-MOESP" in line]
     assert summary.split()[:3] == ["S1", "closed", "PR-MOESP"]
     assert "no recommendation: S2, S3" in result.out
