@@ -122,8 +122,8 @@ class Hdf5Contents(Contents):
 
 
 def _is_variable(node: Any) -> bool:
-    """Whether an object is a data set, and not the zeros of a dimension of NetCDF that has no variable."""
-    if not isinstance(node, h5py.Dataset):
+    """Whether an object is a data set, and no references, nor the zeros of a dimension of NetCDF without a variable."""
+    if not isinstance(node, h5py.Dataset) or h5py.check_ref_dtype(node.dtype) is not None:
         return False
     return not as_text(node.attrs.get("NAME")).startswith(NO_VARIABLE)
 

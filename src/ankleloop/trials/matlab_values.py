@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 from matio import load_from_mat
 from matio.utils.matclass import MatlabOpaque
 
@@ -16,6 +17,8 @@ from ankleloop.signals.sampling import rate_of_interval
 from ankleloop.trials.contents import Tree, Variable, as_text
 from ankleloop.trials.units import TIME_UNITS, find_unit_in_name
 
+# Names of columns are texts of Arrow, whose usual allocator takes more address space than a file may.
+pa.set_memory_pool(pa.system_memory_pool())
 UNSTATED_UNIT = "default units"  # what nldat writes where nobody has stated one
 
 
