@@ -54,7 +54,7 @@ ROWS = [
         "mat: two channels",
         mat_file(position=np.zeros((300, 2))),
         "position (300, 2) (first samples 0, 0)",
-        "a single channel: name a part of it, counted from 0, as 'position[:, 0]'",
+        "no single channel: name one, counted from 0, as position='position[:, 0]'",
         remedy={"position": "position[:, 0]"},
     ),
     row(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,9 +17,9 @@ from matio import load_from_mat, whosmat
 
 from ankleloop.errors import DataError
 from ankleloop.signals.sampling import rate_of_interval
-from ankleloop.trials.contents import Contents, Tree, Variable, as_text
+from ankleloop.trials.contents import Contents, Variable, as_text
 from ankleloop.trials.files import UnreadableError
-from ankleloop.trials.matlab_values import load_value
+from ankleloop.trials.matlab_values import fold_numbers, load_parts
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 # Classes of MATLAB whose variables are read when they are asked for.
@@ -28,53 +30,68 @@ FLB_LEVELS = 65535  # of format -2, from the lower end of the range to the upper
 LISTED_CASES = 30  # that a message has
 
 
-class Hdf5Contents(Contents):
+class MatlabContents(Contents):
+    """Variables of a file that may have values of MATLAB: struct and cell arrays, tables and other objects."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._parts: dict[str, dict[str, Variable]] = {}  # of each value
+
+    def load_parts(self, name: str) -> dict[str, Variable]:
+        """The variables in such a value by their full names, all of which mat-io reads at once."""
+        if name not in self._parts:
+            self._parts[name] = load_parts(self.path, name)
+        return self._parts[name]
+
+    def list_parts(self, name: str) -> list[str]:
+        """Names of the variables in a value; none where it cannot be read, which is refused where it is wanted."""
+        with suppress(Exception):
+            return fold_numbers(self.load_parts(name))
+        return []
+
+
+class Hdf5Contents(MatlabContents):
     """Variables of an HDF5 file.
 
     Links are followed within the file. Samples outside of it (external links, external storage, virtual data sets) are
     refused: HDF5 puts zeros where such a file is missing.
 
-    A matrix of MATLAB is stored with its axes in reverse. What MATLAB keeps behind references, as struct and cell
-    arrays, tables and objects, is read by mat-io.
+    A matrix of MATLAB is stored with its axes in reverse, and what it keeps behind references is read by mat-io.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self.separator = "." if path.name.lower().endswith(".mat") else "/"
         self._file = h5py.File(path, "r")
-        self._values: dict[str, Tree] = {}  # of MATLAB, by the names of their variables
+        self._values = [name for name in self._file if _has_references(self._file.get(name))]
 
-    def open(self, name: str) -> Tree | None:
-        """Variable, fields of records, or value of MATLAB of a full name; None if there is none."""
+    def open(self, name: str) -> Variable | None:
+        """Variable, or field of records, of a full name; None if there is none."""
+        value = _first_name(name)
+        if value in self._values:
+            if value not in self._parts:
+                self._file.visititems(lambda path, node: self._check_place(node, path))
+            return self.load_parts(value).get(name)
         node = self._resolve(name)
-        if _is_value_of_matlab(node):
-            return self._open_value(name)
-        if not _is_variable(node):
+        if node is None:
+            return self._open_field(*name.rpartition(".")[::2])
+        if not _is_variable(node) or node.dtype.names:
             return None
         self._check_place(node, name)
-        if node.dtype.names:
-            return {
-                field: Variable(
-                    field, node.shape + node.dtype[field].shape, partial(node.__getitem__, field)
-                )
-                for field in node.dtype.names
-            }
         shape = (0,) if node.shape is None else node.shape
         read = partial(node.__getitem__, ...)
         if "MATLAB_class" in node.attrs:
             return Variable(name, shape[::-1], lambda: read().T, node.attrs)
         return Variable(name, shape, read, node.attrs)
 
-    def _open_value(self, name: str) -> Tree | None:
-        """A value of MATLAB, which mat-io reads with its variable."""
-        variable, *fields = name.split(self.separator)
-        if variable not in self._values:
-            self._file.visititems(lambda path, node: self._check_place(node, path))
-            self._values[variable] = load_value(self.path, variable)
-        value: Tree | None = self._values[variable]
-        for field in fields:
-            value = value.get(field) if isinstance(value, dict) else None
-        return value
+    def _open_field(self, name: str, field: str) -> Variable | None:
+        """Field of records; None if there is none."""
+        records = self._resolve(name)
+        if not _is_variable(records) or field not in (records.dtype.names or ()):
+            return None
+        self._check_place(records, name)
+        shape = records.shape + records.dtype[field].shape
+        return Variable(f"{name}.{field}", shape, partial(records.__getitem__, field))
 
     def _check_place(self, node: Any, name: str) -> None:
         """Refuse samples in other files."""
@@ -88,17 +105,13 @@ class Hdf5Contents(Contents):
 
     def names(self) -> Iterator[str]:
         """Full names of the variables, and of their parts."""
-        value = ""  # of MATLAB, whose parts have been listed
         for path in self.paths():
             node = self._resolve(path)
-            if value and path.startswith(value):
-                continue
-            if _is_value_of_matlab(node):
-                value = path + self.separator
-                yield from self._list_parts(path)
-            elif _is_variable(node):
+            if _is_variable(node) and _first_name(path) not in self._values:
                 fields = node.dtype.names
                 yield from (f"{path}.{field}" for field in fields) if fields else (path,)
+        for value in self._values:
+            yield from self.list_parts(value)
 
     def paths(self) -> list[str]:
         """Full names of variables and groups; MATLAB's internals, #refs# and #subsystem#, are left out."""
@@ -128,48 +141,54 @@ def _is_variable(node: Any) -> bool:
     return not as_text(node.attrs.get("NAME")).startswith(NO_VARIABLE)
 
 
-def _is_value_of_matlab(node: Any) -> bool:
-    """Whether MATLAB keeps an object behind references: a struct or cell array, a table, another object."""
-    if node is None or "MATLAB_class" not in node.attrs:
+def _first_name(name: str) -> str:
+    """Name of the variable of a MATLAB file in which something is."""
+    return re.split(r"[.\[]", name)[0]
+
+
+def _has_references(node: Any) -> bool:
+    """Whether a variable of MATLAB is an object, or has references in it, as struct and cell arrays have."""
+    if node is None or not node.attrs.keys() & {"MATLAB_class", "MATLAB_fields"}:
         return False
-    if "MATLAB_object_decode" in node.attrs:
-        return True
-    parts = [node] if isinstance(node, h5py.Dataset) else list(node.values())
-    return bool(parts) and all(
-        isinstance(part, h5py.Dataset)
-        and h5py.check_ref_dtype(part.dtype) is not None
-        and (part is node or "MATLAB_class" not in part.attrs)
+    parts = [node]
+    if isinstance(node, h5py.Group):
+        node.visititems(lambda _, part: parts.append(part))
+    return any(
+        "MATLAB_object_decode" in part.attrs or h5py.check_ref_dtype(getattr(part, "dtype", None))
         for part in parts
     )
 
 
-class MatContents(Contents):
-    """Variables of a MATLAB file before v7.3, with the fields, elements and columns that are in them."""
+class MatContents(MatlabContents):
+    """Variables of a MATLAB file before v7.3."""
 
     separator = "."
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._kinds = whosmat(path)
-        self._values: dict[str, Tree] = {}
 
-    def open(self, name: str) -> Tree | None:
-        """Numbers, or a value with all that is in it; None if there is none of that name."""
-        if name not in self._kinds:
-            return None
-        shape, kind = self._kinds[name]
-        if kind.removeprefix("complex ") in NUMBERS:
-            return Variable(
-                name, shape, lambda: load_from_mat(self.path, variable_names=[name])[name]
-            )
-        if name not in self._values:
-            self._values[name] = load_value(self.path, name)
-        return self._values[name]
+    def open(self, name: str) -> Variable | None:
+        """Variable of a full name, which is read when it is asked for, or a part of a value; None if there is none."""
+        if self._has_numbers(name):
+            shape = self._kinds[name][0]
+            return Variable(name, shape, partial(self._read, name))
+        value = _first_name(name)
+        is_value = value in self._kinds and not self._has_numbers(value)
+        return self.load_parts(value).get(name) if is_value else None
 
     def names(self) -> Iterator[str]:
-        """Full names of the variables, and of their parts."""
+        """Full names of the variables, and of those in values."""
         for name in self._kinds:
-            yield from self._list_parts(name)
+            yield from [name] if self._has_numbers(name) else self.list_parts(name)
+
+    def _has_numbers(self, name: str) -> bool:
+        """Whether a variable is an array of numbers, or a text."""
+        return name in self._kinds and self._kinds[name][1].removeprefix("complex ") in NUMBERS
+
+    def _read(self, name: str) -> np.ndarray:
+        samples: np.ndarray = load_from_mat(self.path, variable_names=[name])[name]
+        return samples
 
 
 class ClassicNetcdfContents(Contents):

@@ -10,7 +10,7 @@ from contextlib import suppress
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.contents import Contents, Variable, number_trial
+from ankleloop.trials.contents import Contents, Variable, list_owners
 from ankleloop.trials.units import RATE_UNITS
 
 # Unit and long name of each variable that the library writes.
@@ -72,7 +72,7 @@ def _list_own(paths: Sequence[str], contents: Contents, position: str) -> list[s
     position = position.lstrip("/")
     if contents.find(position) is None:  # which is refused when it is read
         return list(paths)
-    owners = contents.owners(position)
+    owners = list_owners(position)
     own = []
     others = set()
     for path in paths:
@@ -80,9 +80,9 @@ def _list_own(paths: Sequence[str], contents: Contents, position: str) -> list[s
         number = re.match(rf"{re.escape(array)}(\[[^\]]*\])", position) if star else None
         own.append(f"{array}{number[1]}{rest}" if number else path)
         if _channel_of(path) == "position":
-            others.add(contents.owners(own[-1])[1])
+            others.add(list_owners(own[-1])[1])
     others -= set(owners)
-    return [path for path in own if contents.owners(path)[1] not in others]
+    return [path for path in own if list_owners(path)[1] not in others]
 
 
 def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str | None:
@@ -100,19 +100,24 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     if channel == "reference" and not fitting:
         return None
     everything = [name for name in contents.names() if _has_samples(contents, name)]
-    listed = f"the file has: {contents.describe(everything)}"
     if fitting:
-        fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}. Name one of them"
-        is_nested = len({contents.owners(name)[1] for name in fitting}) > 1
-        advice = f"; {listed}" if is_nested else ""
+        fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}. Name one of them."
     else:
         words = " or ".join(CHANNEL_WORDS[channel])
-        fault = f"no variable is called {words}, so that it would be the {channel}; {listed}. Name one of these"
-        matrices = [
-            variable for name in everything if not (variable := contents.require(name)).is_vector
+        numbers = [
+            name
+            for name in names
+            if _channel_of(name) == channel and contents.find(name) is not None
         ]
-        advice = f", or a part of one, as {_name_row(matrices[0], '0')!r}" if matrices else ""
-    raise DataError(f"{source}: {fault}{advice}.", remedy={channel: None})
+        fault = f"no variable is called {words}, so that it would be the {channel}."
+        if numbers:
+            fault = f"{numbers[0]} is a single number, and no {channel}."
+    matrices = [variable for name in everything if (variable := contents.require(name)).is_matrix]
+    part = f", or a part of one, as {matrices[0].name_channel()!r}" if matrices else ""
+    raise DataError(
+        f"{source}: {fault} The file has: {contents.describe(everything)}. Name one of these{part}.",
+        remedy={channel: None},
+    )
 
 
 def _has_samples(contents: Contents, name: str) -> bool:
@@ -164,12 +169,12 @@ def read_channels(
     names = find_names(contents, variables)
     selected = {role: contents.require(name) for role, name in names.items()}
     _check_channels(contents, selected)
-    group = contents.owners(selected["torque"].name)[1]
+    group = list_owners(selected["torque"].name)[1]
     for role in TRUE_TORQUES:
         variable = contents.find(contents.join(group, role))
         if variable is not None:
             selected[role] = variable
-    owners = contents.owners(selected["position"].name)
+    owners = list_owners(selected["position"].name)
     times = (contents.find(contents.join(owner, name)) for owner in owners for name in TIME_NAMES)
     # A single number is no time.
     time = next((part for part in times if part is not None and math.prod(part.shape) != 1), None)
@@ -184,38 +189,22 @@ def read_channels(
 
 
 def _check_channels(contents: Contents, channels: Mapping[str, Variable]) -> None:
-    """Refuse several trials, and a matrix, in place of a channel."""
-    source = contents.path.name
-    several = {role: variable for role, variable in channels.items() if variable.count is not None}
-    single = {role: number_trial(variable.name, 0) for role, variable in several.items()}
-    for variable in several.values():
-        shown = ", ".join(f"{role}={name!r}" for role, name in single.items())
-        raise DataError(
-            f"{source}: {variable.name} stands for {variable.count} trials, and one is read: name it by its number "
-            f"from 0, as {shown}.",
-            remedy=single,
-        )
-    matrices = {
-        role: variable
+    """Refuse a matrix, and several trials, in place of a channel."""
+    parts = {
+        role: variable.name_channel()
         for role, variable in channels.items()
-        if len(variable.shape) > 1 and not variable.is_vector
+        if variable.is_matrix or variable.count is not None
     }
-    for role, variable in matrices.items():
-        rows = {name: _name_row(matrix, "0") for name, matrix in matrices.items()}
-        is_meant = _channel_of(variable.name) == role  # else only the user knows which column it is
+    for role, part in parts.items():
+        variable = channels[role]
+        is_meant = variable.count is not None or _channel_of(variable.name) == role
         raise DataError(
-            f"{source}: {contents.describe([variable.name])}: {role} has to be a single channel: name a part of it, "
-            f"counted from 0, as {rows[role]!r}; {_name_row(variable, '*')!r} stands for all of them as trials.",
-            remedy=rows if is_meant else {role: None},
+            f"{contents.path.name}: {contents.describe([variable.name])} is no single channel: name one, counted from "
+            f"0, as {role}={part!r}. Where several recordings can be, a * in place of its number stands for all.",
+            remedy=parts
+            if is_meant
+            else {role: None},  # which column of a matrix, only the user knows
         )
-
-
-def _name_row(matrix: Variable, number: str) -> str:
-    """Name of a row, or a column, of a matrix along its longest axis."""
-    places = ["0"] * len(matrix.shape)
-    places[int(np.argmin(matrix.shape))] = number
-    places[int(np.argmax(matrix.shape))] = ":"
-    return f"{matrix.name}[{', '.join(places)}]"
 
 
 def _find_rates(

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import count, islice, takewhile
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +27,8 @@ from ankleloop.trials.units import normalise_unit
 MAX_SAMPLES = 20_000_000  # 160 MB in double precision
 LISTED_NAMES = 30  # that a message has
 LISTED_SAMPLES = 8  # of a matrix
-INDEX = re.compile(r"\[((?:\s*(?:\d+|:|\*)\s*,)*\s*(?:\d+|:|\*)\s*)\]")
+PART = re.compile(r"(.+)\[([\d:, ]+)\]")  # of a matrix
+STAR = re.compile(r"(\[[^\[\]]*)\*")
 
 
 @dataclass(frozen=True)
@@ -42,15 +43,29 @@ class Variable:
         None  # of the trials for which its name has a *; shape and samples are those of the first
     )
 
-    def part(self, index: tuple[int | slice, ...]) -> Variable:
-        """A row, a column or a single number of it."""
-        shape = np.broadcast_to(0, self.shape)[index].shape
-        return replace(self, shape=shape, read=lambda: np.asarray(self.read())[index])
+    def part(self, text: str) -> Variable:
+        """A row, a column or an element, as `:, 2`, with this behind its name."""
+        places = [place.strip() for place in text.split(",")]
+        index = tuple(slice(None) if place == ":" else int(place) for place in places)
+        return replace(
+            self,
+            name=f"{self.name}[{', '.join(places)}]",
+            shape=np.broadcast_to(0, self.shape)[index].shape,
+            read=lambda: np.asarray(self.read())[index],
+        )
 
     @property
-    def is_vector(self) -> bool:
-        """Whether it has one sample for each time, as (N,), (N, 1) or (1, N)."""
-        return len(self.shape) in (1, 2) and math.prod(self.shape) == max(self.shape)
+    def is_matrix(self) -> bool:
+        """Whether it has more samples than one for each time."""
+        return math.prod(self.shape) > max(self.shape, default=1)
+
+    def name_channel(self) -> str:
+        """Name of the first channel of a matrix, along its longest axis, or of the first one of several trials."""
+        if self.count is not None:
+            return number_trial(self.name, 0)
+        places = ["0"] * len(self.shape)
+        places[int(np.argmax(self.shape))] = ":"
+        return f"{self.name}[{', '.join(places)}]"
 
     @property
     def unit(self) -> str:
@@ -64,33 +79,15 @@ class Variable:
         return " and ".join(filter(None, units.values()))
 
 
-# A variable, an array of trees (elements of a struct or cell array), or trees by name (fields, columns, channels).
-Tree: TypeAlias = Variable | np.ndarray | dict[str, Any]
-
-
-def list_parts(tree: Tree, name: str, star: str = "*") -> Iterator[str]:
-    """Names of the variables in what has a name; of an array of structs or cells those of its first element."""
-    if isinstance(tree, Variable):
-        yield name
-    elif isinstance(tree, dict):
-        for key, value in tree.items():
-            yield from list_parts(value, f"{name}.{key}", star)
-    elif tree.size == 1:
-        yield from list_parts(tree.item(), name, star)
-    elif tree.size:
-        places = ["0"] * (tree.ndim - 1) + [star]
-        yield from list_parts(tree.flat[0], f"{name}[{', '.join(places)}]", "0")
+def number_trial(name: str, number: int) -> str:
+    """Name of a variable of one trial, where it has a * for all of them."""
+    return STAR.sub(rf"\g<1>{number}", name, count=1)
 
 
 def list_owners(name: str) -> list[str]:
-    """A full name and what may stand for its first part, the longest first."""
+    """A variable and what it may belong to, the nearest first; the last one is the file, whose name is empty."""
     ends = [match.start() for match in re.finditer(r"[/.\[]", name)]
-    return [name, *(name[:end] for end in reversed(ends))]
-
-
-def number_trial(name: str, number: int) -> str:
-    """Name of a variable of one trial, where it has a * for all of them."""
-    return re.sub(r"(\[[^\[\]*]*)\*", rf"\g<1>{number}", name, count=1)
+    return [name, *(name[:end] for end in reversed(ends)), ""]
 
 
 def as_text(value: Any) -> str:
@@ -132,15 +129,29 @@ class Contents:
 
     def find(self, name: str) -> Variable | None:
         """Variable, or part of one, of a full name; None if there is none."""
-        for base in list_owners(name):
-            tree = self.open(base) if base else None
-            part = None if tree is None else self._take_part(tree, base, name[len(base) :])
-            if part is not None:
-                return part
+        variable = self.open(name)
+        if variable is not None:
+            return variable
+        if STAR.search(name):
+            return self._find_trials(name)
+        part = PART.fullmatch(name)
+        matrix = self.find(part[1]) if part else None
+        if part is None or matrix is None:
+            return None
+        with suppress(IndexError, ValueError):
+            return matrix.part(part[2])
         return None
 
-    def open(self, name: str) -> Tree | None:
-        """What has a full name, parts aside; None if nothing has."""
+    def _find_trials(self, name: str) -> Variable | None:
+        """The first of the variables for which a name has a *, and how many there are; None if there is none."""
+        first = self.find(number_trial(name, 0))
+        if first is None:
+            return None
+        numbers = takewhile(lambda number: self.find(number_trial(name, number)), count(1))
+        return replace(first, name=name, count=1 + len(list(numbers)))
+
+    def open(self, name: str) -> Variable | None:
+        """Variable of a full name, parts of a matrix aside; None if there is none."""
         places = [
             place for place, variable in enumerate(self.variables, 1) if variable.name == name
         ]
@@ -150,47 +161,6 @@ class Contents:
                 f"{', '.join(map(str, places))}): give each a name of its own."
             )
         return self.variables[places[0] - 1] if places else None
-
-    def _list_parts(self, name: str) -> list[str]:
-        """Names of what is in a value; none where its library fails, which is refused when it is wanted."""
-        with suppress(Exception):
-            tree = self.open(name)
-            return [] if tree is None else list(list_parts(tree, name))
-        return []
-
-    def _take_part(self, tree: Tree, name: str, steps: str) -> Variable | None:
-        """Part of what has a name, down some steps as `[2]` and `.pos`; None where there is no such part."""
-        index = INDEX.match(steps)
-        if index:
-            return self._take_element(tree, name, index[1], steps[index.end() :])
-        if isinstance(tree, np.ndarray) and tree.size == 1:
-            tree = tree.item()
-        if isinstance(tree, Variable):
-            return None if steps else replace(tree, name=name)
-        fields = tree if isinstance(tree, dict) else {}
-        for key in sorted(fields, key=len, reverse=True):
-            rest = steps.removeprefix(f".{key}")
-            if rest != steps and rest[:1] in ("", ".", "["):
-                return self._take_part(fields[key], f"{name}.{key}", rest)
-        return None
-
-    def _take_element(self, tree: Tree, name: str, text: str, steps: str) -> Variable | None:
-        """Part of an element, or of a row or a column; of all, for which * stands, the first and their count."""
-        elements = np.array([tree]) if isinstance(tree, dict) else tree
-        places = [place.strip() for place in text.split(",")]
-        numbers = [place.replace("*", "0") for place in places]
-        index = tuple(slice(None) if number == ":" else int(number) for number in numbers)
-        try:
-            element = elements.part(index) if isinstance(elements, Variable) else elements[index]
-        except IndexError:
-            raise DataError(
-                f"{self.path.name}: there is no {name}[{text}]: {name} has shape {elements.shape}, and parts are "
-                "counted from 0."
-            ) from None
-        part = self._take_part(element, f"{name}[{', '.join(places)}]", steps)
-        if part is None or "*" not in places:
-            return part
-        return replace(part, count=elements.shape[places.index("*")])
 
     def names(self) -> Iterable[str]:
         """Full names of the variables."""
@@ -213,43 +183,33 @@ class Contents:
         variable = self.find(name) or self.find(name.lstrip("/"))
         if variable is not None:
             return variable
-        names = list(self.names())
-        parts = [part for part in names if part.startswith((f"{name}.", f"{name}[", f"{name}/"))]
-        fault = f"there is no variable {name!r}; the file has: {self.describe(names)}"
-        if parts:
-            fault = f"{name} is no single variable, it has: {self.describe(parts)}"
-        raise DataError(f"{self.path.name}: {fault}. Name one of these.")
+        raise DataError(
+            f"{self.path.name}: there is no variable {name!r}; the file has: {self.describe(self.names())}. Name one "
+            "of these."
+        )
 
     def describe(self, names: Iterable[str]) -> str:
         """Names of variables for a message, with the shapes and the first samples of those that are no vectors."""
         return list_names(map(self._describe_variable, names))
 
     def _describe_variable(self, name: str) -> str:
+        """Name of a variable with its shape and its first samples, where it is no vector."""
         with suppress(DataError):
             variable = self.find(name)
-            if variable is None or (variable.count is None and variable.is_vector):
+            if variable is None:
                 return name
             if variable.count is not None:
                 return f"{name} ({variable.count} of {variable.shape})"
-            longest = int(np.argmax(variable.shape))
-            first = np.take(self.read_numbers(variable), 0, axis=longest).ravel()
-            if 1 < first.size <= LISTED_SAMPLES:
-                samples = ", ".join(f"{sample:.3g}" for sample in first)
+            if variable.is_matrix:
+                longest = int(np.argmax(variable.shape))
+                first = np.take(self.read_numbers(variable), 0, axis=longest).ravel()
+                samples = ", ".join(f"{sample:.3g}" for sample in first[:LISTED_SAMPLES])
                 return f"{name} {variable.shape} (first samples {samples})"
-            return f"{name} {variable.shape}"
         return name
 
     def join(self, owner: str, name: str) -> str:
         """Full name of a variable of a group, struct, table or object; that of the file is empty."""
         return f"{owner}{self.separator}{name}" if owner else name
-
-    def owners(self, name: str) -> list[str]:
-        """A variable and what it belongs to, the nearest first; the last one is the file, whose name is empty."""
-        names = list_owners(name)
-        base = next((part for part in names if part and self.open(part) is not None), name)
-        groups = base.split(self.separator)
-        outer = [self.separator.join(groups[:depth]) for depth in range(len(groups), -1, -1)]
-        return [*names[: names.index(base)], *outer]
 
     def find_number(self, owner: str, name: str) -> Variable | None:
         """Variable of a single value beside others, or else attribute; None if there is neither."""
