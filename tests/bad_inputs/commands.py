@@ -5,6 +5,8 @@ from functools import partial
 from io import StringIO
 from pathlib import Path
 
+import numpy as np
+
 from ankleloop.command_line.main import main
 from bad_inputs.bad_input import BadInput
 from bad_inputs.inputs import (
@@ -20,6 +22,7 @@ from bad_inputs.inputs import (
 )
 
 DATA, USAGE = 1, 2
+TWO = np.stack([POSITION, TORQUE])
 DEGREES = {"time": SIGNALS["time"], "angle_deg": POSITION, "torque": TORQUE}
 
 
@@ -67,6 +70,24 @@ ROWS = [
         "angle_deg is in 'deg' according to the file",
         "next: ankleloop check",
         "--position-unit deg",
+    ),
+    row(
+        "trials in rows",
+        mat_file(position=TWO, torque=TWO[::-1]),
+        "check",
+        DATA,
+        "position (2, 300) (first samples 0, 3) is no single channel",
+        "next: ankleloop check",
+        "--position 'position[0, :]' --torque 'torque[0, :]'",
+    ),
+    row(
+        "channels in columns",
+        mat_file(data=TWO.T, position=1.0, torque=1.0),
+        "check",
+        USAGE,
+        "The file has: data (300, 2) (first samples 0, 3).",
+        "a part of one, as 'data[:, 0]'",
+        "--position NAME",
     ),
     row("half a file", cut_off(mat_file()), "check", DATA, "error: a.mat:", "file is whole"),
     row(

@@ -36,6 +36,14 @@ def group_file(folder: Path) -> Path:
 HOURS = ("t", TIME, {"units": "hours since 2024-01-01"})
 CELLS = np.array([1.0, "b"], dtype=object)
 
+
+def cells(*values):
+    """A cell array."""
+    array = np.empty(len(values), dtype=object)
+    array[:] = values
+    return array
+
+
 row = rows_of(read_trial)
 in_radians = partial(read_trial, position_unit="rad")
 in_degrees = partial(read_trial, position_unit="deg")
@@ -68,6 +76,39 @@ ROWS = [
         mat_file(sample_rate=1000.0),
         "stated as 1000 Hz, but sample_rate and fs runs at 500 Hz",
         remedy={"sampling_rate": None},
+    ),
+    row(
+        "mat: a cell array of trials",
+        mat_file(position=cells(POSITION, POSITION), torque=cells(TORQUE, TORQUE)),
+        "a.mat: position[*] (2 of (1, 300)) is no single channel",
+        "as position='position[0]'",
+        remedy={"position": "position[0]", "torque": "torque[0]"},
+    ),
+    row(
+        "mat: an element that is not there",
+        mat_file(position=cells(POSITION, POSITION)),
+        "a.mat: there is no variable 'position[2]'",
+        "position[*] (2 of (1, 300))",
+        call=partial(read_trial, position="position[2]"),
+    ),
+    row(
+        "mat: a column that is not there",
+        mat_file(data=np.column_stack([POSITION, TORQUE])),
+        "a.mat: there is no variable 'data[:, 2]'",
+        "data (300, 2) (first samples 0, 3)",
+        call=partial(read_trial, position="data[:, 2]"),
+    ),
+    row(
+        "hdf5: a single number",
+        hdf5_file(position=1.0),
+        "a.h5: position is a single number, and no position",
+        "The file has: torque.",
+        remedy={"position": None},
+    ),
+    row(
+        "netcdf: a single number",
+        netcdf_file(torque_reflex=((), 1.0)),
+        "a.nc: torque_reflex has shape ()",
     ),
     row(
         "hdf5: cut off",

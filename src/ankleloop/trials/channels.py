@@ -101,7 +101,7 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
         return None
     everything = [name for name in contents.names() if _has_samples(contents, name)]
     if fitting:
-        fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}. Name one of them."
+        fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}."
     else:
         words = " or ".join(CHANNEL_WORDS[channel])
         numbers = [

@@ -92,20 +92,25 @@ def _list_columns(table: pd.DataFrame) -> dict[str, Variable]:
 
 
 def _list_channels(properties: Mapping[str, Any]) -> dict[str, Variable]:
-    """Channels of an object of the class nldat with their units, its samples in one matrix, and its rate or times."""
+    """Channels of an object of the class nldat with their units, and its rate or times.
+
+    Where not each has a name of its own, there are its samples in one matrix as well.
+    """
     samples = _as_variable(np.asarray(properties["dataSet"]))
     names = [as_text(name) for name in np.ravel(properties["chanNames"])]
     units = [as_text(unit) for unit in np.ravel(properties["chanUnits"])]
     units = ["" if unit.lower() == UNSTATED_UNIT else unit for unit in units]
     if len(units) != len(names):
         units = [" and ".join(units)] * len(names)
-    channels: dict[str, Variable] = {**_find_times(properties), "dataSet": samples}
+    channels = {}
     if samples.shape[1:2] == (len(names),):
         for number, name in enumerate(names):
             if name and names.count(name) == 1:
                 channel = samples.part(f":, {number}")
                 channels[name] = replace(channel, attributes={"units": units[number]})
-    return channels
+    if len(channels) < len(names):
+        channels["dataSet"] = samples
+    return {**_find_times(properties), **channels}
 
 
 def _find_times(properties: Mapping[str, Any]) -> dict[str, Variable]:

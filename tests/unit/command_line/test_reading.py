@@ -3,10 +3,16 @@
 import h5py
 import numpy as np
 import pytest
+import scipy.io
+from matio import save_to_mat
+from matio.utils.matclass import MatlabOpaque
 
 from ankleloop import read_trial
-from ankleloop.command_line.reading import map_file
+from ankleloop.command_line.reading import map_file, map_trials
+from ankleloop.config.checking import ConfigError, check
 from ankleloop.config.recording_settings import read_recordings
+from ankleloop.config.settings import RecordingsStudy
+from ankleloop.config.study import RecordedStudy
 from ankleloop.recordings.files import load_recording
 from ankleloop.trials.reading_options import NO_REFERENCE, ReadingOptions
 from ankleloop.trials.reading_process import read_channels
@@ -137,6 +143,88 @@ def test_all_who_read_take_the_same_variables(tmp_path):
     for recording in unmoved:
         recorded = load_recording(path, recording.model_dump())
         assert recorded.drop_attrs().identical(trial.drop_vars("reference").drop_attrs())
+
+
+@pytest.fixture
+def rows(tmp_path):
+    """A file whose matrices have two trials, in their rows."""
+    values = {
+        "position": np.stack([0.1 * WAVE, 0.2 * WAVE]),
+        "torque": np.stack([WAVE + 1.0, WAVE]),
+    }
+    scipy.io.savemat(tmp_path / "S1.mat", {**values, "fs": 500.0})
+    return tmp_path / "S1.mat"
+
+
+NAMES = ["position[0, :]", "position[1, :]"]
+STARS = {"position": "position[*, :]", "torque": "torque[*, :]"}
+
+
+def test_trials_of_a_file_are_recordings(rows, capsys):
+    trials = map_trials(rows, **STARS)
+    assert [trial.position for trial in trials] == NAMES
+    assert (
+        "position[*, :] (2 trials, the first one begins with 0), in rad" in capsys.readouterr().out
+    )
+    second = load_recording(rows, trials[1].model_dump())
+    np.testing.assert_allclose(second["position"], 0.2 * WAVE)
+    assert [
+        trial.position for trial in map_trials(rows, position=NAMES[1], torque="torque[1]")
+    ] == [NAMES[1]]
+    assert "torque[1] (begins with 0), in N·m" in capsys.readouterr().out
+
+
+def test_trials_of_a_file_in_a_table(rows, tmp_path):
+    table = tmp_path / "recordings.csv"
+    table.write_text(
+        "file,name,batch,position,torque\n"
+        'S1.mat,a,,"position[*, :]","torque[*, :]"\n'
+        'S1.mat,,b,"position[*, :]","torque[*, :]"\n'
+        'S1.mat,c,,"position[1, :]","torque[1, :]"\n'
+    )
+    recordings = read_recordings(table, {}, tmp_path)
+    names = {name: [part.position for part in parts] for name, parts in recordings.items()}
+    assert names == {"a-0": NAMES[:1], "a-1": NAMES[1:], "b": NAMES, "c": NAMES[1:]}
+    table.write_text(table.read_text().replace(",c,", ",a-1,"))
+    with pytest.raises(ConfigError, match=r"the name 'a-1' is taken"):
+        read_recordings(table, {}, tmp_path)
+
+
+def test_trials_of_a_file_in_a_configuration(rows):
+    settings = {
+        "kind": "recordings",
+        "folder": str(rows.parent),
+        "files": {"a": {"file": "S1.mat", **STARS}, "b": {"file": "nowhere.mat", **STARS}},
+        "methods": {"riv": {"label": "RIV", "method": "riv"}},
+    }
+    study = RecordedStudy("s", check(RecordingsStudy, settings, "s"))
+    names = {name: point["position"] for name, point in study.points.items()}
+    assert names == {"a-0": NAMES[0], "a-1": NAMES[1], "b": STARS["position"]}
+
+
+def test_verbs_and_trials_of_a_file(run, rows, tmp_path):
+    stars = [word for name, star in STARS.items() for word in (f"--{name}", star)]
+    checked = run("check", rows, *stars)
+    assert checked.status == 1
+    assert checked.out.count("length: 0.6 s at 500 Hz") == 2
+    identified = run("identify", rows, *stars, "--output", tmp_path / "results")
+    assert "S1-0  refused" in identified.out
+    assert (tmp_path / "results" / "S1-1.html").exists()
+
+
+def test_channels_of_an_object_are_those_of_a_table(tmp_path):
+    properties = {
+        "chanNames": np.array([["pos1", "tq1"]], dtype=object),
+        "chanUnits": np.array(["Default Units"]),
+        "domainIncr": np.array([[0.01]]),
+        "dataSet": np.column_stack([WAVE, WAVE + 1.0]).round(5),
+    }
+    save_to_mat(tmp_path / "a.mat", {"z1": MatlabOpaque(properties, "nldat")}, version="v7")
+    recording = map_file(tmp_path / "a.mat", position="z1.pos1", torque="z1.tq1")
+    trial = load_recording(tmp_path / "a.mat", recording.model_dump())
+    table = write_columns(tmp_path / "a.csv", "pos1", "tq1")
+    expected = load_recording(table, map_file(table, sampling_rate=100.0).model_dump())
+    assert trial.drop_attrs().identical(expected.drop_attrs())
 
 
 @pytest.mark.parametrize("kind", FILE_FORMATS)

@@ -51,7 +51,7 @@ def replace_reader(monkeypatch):
 
     def replace(statement):
         program = f"""
-            import os, sys, time
+            import os, signal, sys, time
             sys.path.insert(0, sys.argv[1])
             from ankleloop.trials import reading_process
             from ankleloop.trials.binary_files import MatContents
@@ -92,6 +92,18 @@ def test_a_slow_disk_says_nothing_about_the_file(tmp_path, replace_reader, monke
         match=r"^a.mat: it was not read in time: the computer is busy, or the disk slow",
     ):
         read_trial(write_mat(tmp_path / "a.mat"))
+
+
+def test_a_process_that_never_answers(tmp_path, replace_reader, monkeypatch):
+    monkeypatch.setattr(reading_process, "SECONDS", 0.01)
+    monkeypatch.setattr(reading_process, "STARTING", 4.0)
+    replace_reader(
+        "os.kill(os.getpid(), signal.SIGSTOP)"
+    )  # it stops, and no clock of its own goes on
+    with pytest.raises(ResourceError, match=r"^a.mat: it was not read in time"):
+        read_trial(write_mat(tmp_path / "a.mat"))
+    monkeypatch.setattr(reading_process, "SECONDS", 10.0)
+    assert_reads(write_mat(tmp_path / "b.mat"))
 
 
 MEMORY = r"it needs more than 1.1 GB of memory"
