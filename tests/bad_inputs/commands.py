@@ -85,7 +85,7 @@ ROWS = [
         mat_file(data=TWO.T, position=1.0, torque=1.0),
         "check",
         USAGE,
-        "The file has: data (300, 2) (first samples 0, 3).",
+        "the file has: data (300, 2) (first samples 0, 3).",
         "a part of one, as 'data[:, 0]'",
         "--position NAME",
     ),

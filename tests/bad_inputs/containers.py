@@ -102,7 +102,7 @@ ROWS = [
         "hdf5: a single number",
         hdf5_file(position=1.0),
         "a.h5: position is a single number, and no position",
-        "The file has: torque.",
+        "the file has: torque.",
         remedy={"position": None},
     ),
     row(

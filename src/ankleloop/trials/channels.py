@@ -100,22 +100,21 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     if channel == "reference" and not fitting:
         return None
     everything = [name for name in contents.names() if _has_samples(contents, name)]
+    listed = contents.describe(everything)
     if fitting:
-        fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}."
-    else:
-        words = " or ".join(CHANNEL_WORDS[channel])
-        numbers = [
-            name
-            for name in names
-            if _channel_of(name) == channel and contents.find(name) is not None
-        ]
-        fault = f"no variable is called {words}, so that it would be the {channel}."
-        if numbers:
-            fault = f"{numbers[0]} is a single number, and no {channel}."
+        fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}. Name one of them."
+        if any(list_owners(name)[1] for name in fitting):  # of groups or objects
+            fault += f" The file has: {listed}."
+        raise DataError(f"{source}: {fault}", remedy={channel: None})
+    words = " or ".join(CHANNEL_WORDS[channel])
+    fault = f"no variable is called {words}, so that it would be the {channel}"
+    for name in names:
+        if _channel_of(name) == channel and contents.find(name) is not None:
+            fault = f"{name} is a single number, and no {channel}"
     matrices = [variable for name in everything if (variable := contents.require(name)).is_matrix]
     part = f", or a part of one, as {matrices[0].name_channel()!r}" if matrices else ""
     raise DataError(
-        f"{source}: {fault} The file has: {contents.describe(everything)}. Name one of these{part}.",
+        f"{source}: {fault}; the file has: {listed}. Name one of these{part}.",
         remedy={channel: None},
     )
 

@@ -128,7 +128,7 @@ def test_channels_of_nldat_without_names_of_their_own(write):
     path = write(z=nldat(names=("ch", "ch")))
     assert_signals(read_trial(path, position="z.dataSet[:, 0]", torque="z.dataSet[:, 1]"))
     with pytest.raises(
-        DataError, match=r"The file has: z.dataSet \(300, 2\) .*'z.dataSet\[:, 0\]'"
+        DataError, match=r"the file has: z.dataSet \(300, 2\) .*'z.dataSet\[:, 0\]'"
     ):
         read_trial(path)
 

@@ -73,7 +73,7 @@ def test_columns_of_a_matrix(write):
     assert_signals(trial)
     assert trial.attrs["position_variable"] == "data[:, 1]"
     with pytest.raises(
-        DataError, match=r"The file has: data \(300, 3\) \(first samples 0, 0, 3\).*'data\[:, 0\]'"
+        DataError, match=r"the file has: data \(300, 3\) \(first samples 0, 0, 3\).*'data\[:, 0\]'"
     ) as e:
         read_trial(path)
     assert e.value.remedy == {"position": None}
