@@ -22,6 +22,8 @@ EPILOG = """\b
 Examples:
   ankleloop check S1.mat
   ankleloop check S1.csv --position angle --torque moment --position-unit deg
+  ankleloop check S2.mat --position "data[:, 2]" --torque "data[:, 3]"
+  ankleloop check S3.mat --position "trial[*].pos" --torque "trial[*].tq"
 """
 
 

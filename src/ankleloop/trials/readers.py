@@ -26,18 +26,20 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     r"""Read a trial from a file.
 
     The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`, `.flb`.
-    Nested variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files. The true torques of
-    a simulated trial are read too where the file has them beside the torque. Scale, offset and missing samples are
-    applied as the attributes of the file state them. Another process opens the file, with limits of time and memory.
+    Nested variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files, where columns of
+    tables, properties of objects and channels of the class `nldat` are such fields. The true torques of a simulated
+    trial are read too where the file has them beside the torque. Scale, offset and missing samples are applied as the
+    attributes of the file state them. Another process opens the file, with limits of time and memory.
 
     Parameters
     ----------
     path : str or pathlib.Path
         The file.
     position, torque : str, optional
-        The variables of the file, each of shape (N,), (N, 1) or (1, N). By default the only one that has a name of a
-        position is taken, as `position`, `position_rad` or `ankle_angle`; in the same way the torque (`torque`,
-        `moment`). Several that may be it are refused.
+        The variables of the file, each of shape (N,), (N, 1) or (1, N), or parts of them, counted from 0: a column
+        `data[:, 2]`, an element `pos[3]` of a cell array, a field `trial[2].pos` or `table.angle`. By default the only
+        one that has a name of a position is taken, as `position`, `position_rad` or `ankle_angle`; in the same way the
+        torque (`torque`, `moment`). Several that may be it are refused.
     reference : str, optional
         The variable of the command to the servo; it has the unit and the sign of the position. By default it is found
         by its name (`reference`, `command`), where one has such a name; "none" takes no variable for it.
