@@ -97,8 +97,11 @@ def identify(
     folder = output or Path("ankleloop-results" if several else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
+    named = name_recordings(files)
+    if not overwrite:
+        analysis.refuse_results(folder, named)
     recordings = {}  # and their files
-    for name, path in name_recordings(files).items():
+    for name, path in named.items():
         try:
             trials = map_trials(path, **values)
         except DataError:  # its page says why
@@ -106,7 +109,7 @@ def identify(
         for trial, recording in name_trials(name, trials).items():
             recordings[trial] = (recording, path)
     several = len(recordings) > 1
-    if not overwrite:
+    if not overwrite:  # of each trial
         analysis.refuse_results(folder, recordings)
     studies = [
         (analysis.make_study(name, path, recording, methods, fields), path)
