@@ -97,11 +97,11 @@ def identify(
     folder = output or Path("ankleloop-results" if several else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
-    named = name_recordings(files)
+    paths = name_recordings(files)
     if not overwrite:
-        analysis.refuse_results(folder, named)
+        analysis.refuse_results(folder, paths)
     recordings = {}  # and their files
-    for name, path in named.items():
+    for name, path in paths.items():
         try:
             trials = map_trials(path, **values)
         except DataError:  # its page says why

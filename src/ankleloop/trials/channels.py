@@ -173,7 +173,7 @@ def read_channels(
         variable = contents.find(contents.join(group, role))
         if variable is not None:
             selected[role] = variable
-    owners = list_owners(selected["position"].name)
+    owners = list_owners(selected["position"].name.lstrip("/"))
     times = (contents.find(contents.join(owner, name)) for owner in owners for name in TIME_NAMES)
     # A single number is no time.
     time = next((part for part in times if part is not None and math.prod(part.shape) != 1), None)

@@ -16,6 +16,7 @@ ANGLE_UNITS = {
     **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
     **dict.fromkeys(("rad", "radian", "radians"), "rad"),
 }
+PART_NUMBERS = re.compile(r"(\[[\d:,* ]+\])+$")
 RATE_UNITS = ("", "hz", "hertz", "1/s", "s-1", "s^-1", "samples/s", "samples per second")
 
 
@@ -26,8 +27,12 @@ def normalise_unit(text: str) -> str:
 
 
 def find_unit_in_name(name: str) -> str:
-    """What may be a unit at the end of a name, behind an underscore or in brackets, or the empty string."""
-    match = re.search(r"(?:_|[\[(])\s*([^\W_]+|°)\s*[\])]?\s*$", name)
+    """What may be a unit at the end of a name, behind an underscore or in brackets, or the empty string.
+
+    The numbers of a part, as those of `angle_deg[3]`, do not count.
+    """
+    whole = PART_NUMBERS.sub("", name)
+    match = re.search(r"(?:_|[\[(])\s*([^\W_]+|°)\s*[\])]?\s*$", whole)
     return match.group(1).lower() if match else ""
 
 

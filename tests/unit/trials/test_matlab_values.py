@@ -116,7 +116,7 @@ def test_elements_of_arrays_of_values(write):
     [
         (("rad", "V"), "z.tq is in 'V' according to the file"),
         (("deg",), "z.tq is in 'deg' according to the file"),
-        (("Nm",), "z.pos is in 'Nm' according to the file"),
+        (("Nm",), "z.pos is in 'N·?m' according to the file"),
     ],
 )
 def test_units_of_nldat_that_are_others(write, units, fault):

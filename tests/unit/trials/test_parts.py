@@ -131,11 +131,11 @@ def test_elements_of_a_struct_array(tmp_path):
 
 
 def test_elements_of_a_cell_array(tmp_path):
-    cells = {name: np.empty(2, dtype=object) for name in ("position", "torque")}
-    cells["position"][:] = [-P, P]
+    cells = {name: np.empty(2, dtype=object) for name in ("angle_deg", "torque")}
+    cells["angle_deg"][:] = [np.degrees(-P), np.degrees(P)]
     cells["torque"][:] = [-TQ, TQ]
     scipy.io.savemat(tmp_path / "a.mat", {**cells, "fs": RATE})
-    options = ReadingOptions(position="position[*]", torque="torque[*]")
+    options = ReadingOptions(position="angle_deg[*]", torque="torque[*]")
     trials = list_trials(tmp_path / "a.mat", options)
     for factor, trial in zip((-1.0, 1.0), trials, strict=True):
         assert_signals(read_trial(tmp_path / "a.mat", **trial.channels), factor)
