@@ -60,7 +60,7 @@ class BadInput:
             message = str(caught.value)
             assert caught.type is self.error, f"{caught.type.__name__}: {message}"
             assert len(message) <= LONGEST, message
-            assert getattr(caught.value, "remedy", {}) == (self.remedy or {})
+            assert getattr(caught.value, "remedy", {}) == (self.remedy or {}), message
         for text in self.says:
             assert text in message, f"{text!r} is not in: {message}"
         assert read_files(folder) == before, "the call has written, changed or removed a file"

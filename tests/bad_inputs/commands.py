@@ -39,6 +39,19 @@ def row(wrong: str, make, arguments: str, status: int, *says: str) -> BadInput:
     return BadInput(wrong, make, partial(run, arguments), says, error=None, status=status)
 
 
+def in_braces(folder: Path) -> Path:
+    """A new configuration, in a folder that has a file with braces in its name."""
+    text_file("a{1}.csv", csv_text(DEGREES))(folder)
+    return folder / "new.yaml"
+
+
+def claimed(folder: Path) -> Path:
+    """A recording whose results another command is writing."""
+    (folder / "a.csv-results").mkdir()
+    (folder / "a.csv-results" / ".a.claim").touch()
+    return csv_file()(folder)
+
+
 def identified(folder: Path) -> Path:
     """A recording beside results that somebody has made of it."""
     (folder / "a.csv-results").mkdir()
@@ -105,5 +118,40 @@ ROWS = [
         "study --sweep reflexgain",
         USAGE,
         "no setting 'reflexgain'",
+    ),
+    row("a case of a table", csv_file(), "check --case 1", DATA, "case chooses a trial of an .flb"),
+    row(
+        "a stop behind the end",
+        csv_file(),
+        "check --stop 0.7",
+        DATA,
+        "a.csv: stop is 0.7 s, and the record ends at 0.6 s",
+        "--stop S",
+    ),
+    row(
+        "a torque in ft·lb",
+        text_file(
+            "a.csv", csv_text({**DEGREES, "torque_ftlb": TORQUE}).replace(",torque,", ",emg,")
+        ),
+        "check",
+        DATA,
+        "next: ankleloop check",
+        "--torque-unit 'lbf·ft'",
+    ),
+    row("an unknown unit", csv_file(), "check --torque-unit dyn", USAGE, "torque_unit must be one"),
+    row(
+        "braces in a name",
+        in_braces,
+        "study a{1}.csv",
+        USAGE,
+        "Snakemake takes the braces of",
+        "a{1}.csv for wildcards: rename it",
+    ),
+    row(
+        "results that another command is writing",
+        claimed,
+        "identify",
+        USAGE,
+        ".a.claim: another command is writing the results of a: wait for it",
     ),
 ]

@@ -266,6 +266,11 @@ ROWS = [
         "files exists",
         "/no/such/a.mat",
     ),
+    row(
+        "braces in a folder",
+        recordings(folder="data{1}"),
+        "Snakemake takes the braces of data{1}/a.mat for wildcards",
+    ),
     row("names that differ in capitals", CAPITALS, "files: 'S1' and 's1' differ in capitals only"),
     table("no table of recordings", missing("table.csv"), "table.csv: the file cannot be read"),
     table(

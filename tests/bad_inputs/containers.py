@@ -3,7 +3,6 @@
 from functools import partial
 from pathlib import Path
 
-import h5py
 import numpy as np
 import xarray as xr
 
@@ -24,13 +23,6 @@ def netcdf_file(position=POSITION, **variables):
         return folder / "a.nc"
 
     return make
-
-
-def group_file(folder: Path) -> Path:
-    """An HDF5 file with the position in a group."""
-    with h5py.File(folder / "a.h5", "w") as file:
-        file["position/samples"], file["torque"], file["fs"] = POSITION, TORQUE, RATE
-    return folder / "a.h5"
 
 
 HOURS = ("t", TIME, {"units": "hours since 2024-01-01"})
@@ -117,13 +109,6 @@ ROWS = [
         "check that the file is whole",
     ),
     row(
-        "hdf5: a group",
-        group_file,
-        "a.h5: no variable is called position or pos",
-        "position/samples",
-        remedy={"position": None},
-    ),
-    row(
         "hdf5: degrees",
         hdf5_file("deg", position=57 * POSITION),
         "position is in 'deg'",
@@ -135,7 +120,8 @@ ROWS = [
         "hdf5: position in V",
         hdf5_file("V"),
         "a.h5: position is in 'V'",
-        "convert it to rad or deg",
+        "pass the rad per volt as position_unit, or convert it to rad",
+        remedy={"position_unit": None},
     ),
     row(
         "hdf5: radians read as degrees",

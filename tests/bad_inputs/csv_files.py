@@ -1,5 +1,6 @@
 """Tables of text."""
 
+import re
 from functools import partial
 
 import numpy as np
@@ -49,8 +50,8 @@ read_at_1_khz = partial(read_trial, sampling_rate=1000.0)
 ROWS = [
     row(
         "unknown suffix",
-        text_file("a.txt", "1"),
-        "a.txt: unknown kind of file",
+        text_file("a.xlsx", "1"),
+        "a.xlsx: unknown kind of file",
         "convert it",
         ".mat",
     ),
@@ -73,13 +74,6 @@ ROWS = [
         table(csv_text(COMMAS)),
         "a.csv: line 2 has 6 cells and the header 3",
         "decimal points",
-    ),
-    row(
-        "semicolons",
-        table(csv_text().replace(",", ";")),
-        "a.csv: no variable is called position or pos or angle or theta",
-        "Name one",
-        remedy={"position": None},
     ),
     row(
         "a column twice",
@@ -154,5 +148,35 @@ ROWS = [
         csv_file(torque=np.ones(300)),
         "torque is constant (1 at all 300",
         "check the channel",
+    ),
+    row(
+        "no names",
+        table(csv_text().partition("\n")[2]),
+        "no names above the numbers, which begin in line 1 with commas between them",
+        "time_s, angle_rad, torque_nm",
+    ),
+    row(
+        "no names below a title, semicolons",
+        table("Devices\n" + csv_text().partition("\n")[2].replace(",", ";")),
+        "line 2 has 3 cells and the header 1, which is taken to be line 1, with semicolons between",
+    ),
+    row(
+        "a row of units in place of names",
+        table("s,rad,Nm\n" + csv_text().partition("\n")[2]),
+        "s, rad, Nm",
+        remedy={"position": None},
+    ),
+    row(
+        "fewer names than cells, below rows of a spreadsheet",
+        table("Subject,7,\nRate,500,\n" + csv_text().replace(",torque", "", 1)),
+        "line 4 has 3 cells and the header 2, which is taken to be line 3, with commas between",
+    ),
+    row("1_0 in a cell", with_line("0.02,1_0,1"), "position is not a number in line 12 but '1_0'"),
+    row(
+        "decimal commas in quotes",
+        table(
+            re.sub(r"[^,\n]*\.[^,\n]*", lambda cell: f'"{cell[0].replace(".", ",")}"', csv_text())
+        ),
+        "position is not a number in line 2 but '0,0'",
     ),
 ]

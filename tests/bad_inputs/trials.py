@@ -73,7 +73,11 @@ ROWS = [
         "a hole", short_trial().isel(time=WITH_HOLE), "trial: time is irregular at sample 100"
     ),
     identified(
-        "a torque in N·mm", in_unit("torque", "N·mm"), "torque is in 'N·mm'", "convert it to N·m"
+        "a torque in N·mm",
+        in_unit("torque", "N·mm"),
+        "torque is in 'N·mm'",
+        "(1 N·mm = 0.001 N·m), or convert it",
+        remedy={"torque_unit": "N·mm"},
     ),
     identified(
         "0.6 s",

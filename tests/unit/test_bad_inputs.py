@@ -14,7 +14,7 @@ SUBJECTS = (
     "configs",
     "experiments",
 )
-SUBJECTS += ("data", "commands")
+SUBJECTS += ("data", "commands", "units")
 TABLE = {name: import_module(f"bad_inputs.{name}").ROWS for name in SUBJECTS}
 
 

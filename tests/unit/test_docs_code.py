@@ -114,7 +114,8 @@ def files(tmp_path_factory):
     )
     table.rename(columns={"position": "angle_deg"}).to_csv(folder / "degrees.csv", index=False)
     table.assign(knee_angle=table["position"]).to_csv(folder / "two-angles.csv", index=False)
-    table.to_csv(folder / "semicolons.csv", sep=";", decimal=",", index=False)
+    table.to_csv(folder / "no-names.csv", header=False, index=False)
+    table.rename(columns={"torque": "torque_ftlb"}).to_csv(folder / "feet.csv", index=False)
     for name in ("S1.csv", "S2.csv", "S1.mat", "S2.mat"):
         turned = table.assign(torque=-table["torque"])
         turned.to_csv(folder / name, index=False) if name.endswith("csv") else (

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args
@@ -75,6 +76,24 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
     for label in concerned:
         methods[label]["options"][field] = value
         methods[label]["select"].pop(field, None)
+
+
+@contextmanager
+def claim_results(folder: Path, name: str) -> Iterator[None]:
+    """Keep other commands from writing the results of a recording into a folder while the block runs."""
+    folder.mkdir(parents=True, exist_ok=True)
+    claim = folder / f".{name}.claim"
+    try:
+        claim.touch(exist_ok=False)
+    except FileExistsError:
+        raise click.UsageError(
+            f"{claim}: another command is writing the results of {name}: wait for it, or write elsewhere by --output. "
+            "If none runs any more, because it was killed, delete this file."
+        ) from None
+    try:
+        yield
+    finally:
+        claim.unlink()
 
 
 def refuse_results(folder: Path, names: Collection[str]) -> None:

@@ -33,9 +33,9 @@ Examples:
 def check(file: Path, **values: Any) -> int:
     """Check what can be identified from a recording, before anything is fitted to it.
 
-    FILE is a CSV (also .csv.gz), MATLAB (.mat), HDF5 (.h5), NetCDF (.nc) or FLB (.flb) file. If an FLB file has several
-    cases, they are listed. Length, clipping, spikes, sign of the torque, coherence, excitation and drift are checked,
-    and whether the loop is closed, which decides which methods are valid.
+    FILE is a table of text (.csv, .csv.gz, .txt, .tsv), or a MATLAB (.mat), HDF5 (.h5), NetCDF (.nc) or FLB (.flb)
+    file. If an FLB file has several cases, they are listed. Length, clipping, spikes, sign of the torque, coherence,
+    excitation and drift are checked, and whether the loop is closed, which decides which methods are valid.
     """
     words = click.get_current_context().obj
     verdicts = set()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ from ankleloop.command_line.reading import (
     FOLDER,
     map_trials,
     name_recordings,
+    parse_reading,
     reading_options,
 )
 from ankleloop.command_line.terminal import echo, show_correction, show_next, show_progress
-from ankleloop.config.recording_settings import Recording, name_trials
+from ankleloop.config.recording_settings import name_trials
 from ankleloop.errors import DataError
 
 EPILOG = """\b
@@ -105,31 +107,36 @@ def identify(
         try:
             trials = map_trials(path, **values)
         except DataError:  # its page says why
-            trials = [Recording(file=path.name)]
+            trials = [parse_reading(path, **values)]
         for trial, recording in name_trials(name, trials).items():
             recordings[trial] = (recording, path)
     several = len(recordings) > 1
-    if not overwrite:  # of each trial
-        analysis.refuse_results(folder, recordings)
     studies = [
         (analysis.make_study(name, path, recording, methods, fields), path)
         for name, (recording, path) in recordings.items()
     ]
-    tables = []
-    for number, (study, path) in enumerate(studies, 1):
-        if several:
-            echo(f"recording {number} of {len(studies)}: {study.name} ({path})", err=True)
-        with show_progress():
-            table = analysis.identify_recording(study, folder)
-        if several:
-            analysis.show_verdict(table)
-        else:
-            analysis.show_results(table, folder)
-        others = {str(file) for file in files if file != path}
-        words = [word for word in context.obj if word not in others]
-        show_correction(table.attrs["remedy"], words)
-        tables.append(table)
-    page = analysis.write_summary(tables, folder) if several else folder / f"{study.name}.html"
+    with ExitStack() as claims:
+        for name in [*recordings, analysis.TABLE] if several else recordings:
+            claims.enter_context(analysis.claim_results(folder, name))
+        if (
+            not overwrite
+        ):  # also those of each trial of a file, and what others have written meanwhile
+            analysis.refuse_results(folder, recordings)
+        tables = []
+        for number, (study, path) in enumerate(studies, 1):
+            if several:
+                echo(f"recording {number} of {len(studies)}: {study.name} ({path})", err=True)
+            with show_progress():
+                table = analysis.identify_recording(study, folder)
+            if several:
+                analysis.show_verdict(table)
+            else:
+                analysis.show_results(table, folder)
+            others = {str(file) for file in files if file != path}
+            words = [word for word in context.obj if word not in others]
+            show_correction(table.attrs["remedy"], words)
+            tables.append(table)
+        page = analysis.write_summary(tables, folder) if several else folder / f"{study.name}.html"
     show_next(f"open {page}")
     return int(not all(table["valid"].any() for table in tables))
 

@@ -12,19 +12,28 @@ import click
 from pydantic.fields import FieldInfo
 
 from ankleloop.command_line.terminal import echo, name_option
+from ankleloop.config.checking import cast_number
 from ankleloop.config.recording_settings import Recording
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import CHANNELS
 from ankleloop.trials.contents import Variable
 from ankleloop.trials.reading_options import NO_REFERENCE, list_trials
 from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.units import find_position_unit
+from ankleloop.trials.units import (
+    POSITION_UNITS,
+    TORQUE_UNITS,
+    find_position_unit,
+    find_unit_in_name,
+)
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 METAVARS = {"variables": "NAME=VARIABLE,…", "cycle_onsets": "NAME|TIMES"}
-METAVARS |= dict.fromkeys(("schedule", *CHANNELS), "NAME")
+METAVARS["position_unit"] = "|".join([*POSITION_UNITS, "RAD"])
+METAVARS["torque_unit"] = "|".join([*TORQUE_UNITS, "NM"])
+METAVARS |= dict.fromkeys(("schedule", "time", *CHANNELS), "NAME")
 DEFAULTS = {"position_unit": "as the file states it, else rad", "sampling_rate": "that of the file"}
+DEFAULTS["torque_unit"] = "N·m"
 DEFAULTS |= dict.fromkeys(CHANNELS, "by its name")
 FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -48,7 +57,9 @@ def reading_options(command: Command) -> Command:
         kinds = set(get_args(field.annotation) or (field.annotation,)) - {NoneType}
         choices = list_choices(field)
         parse: Any = click.STRING
-        if choices:
+        if name.endswith("_unit"):
+            parse = cast_number  # or text
+        elif choices:
             parse = click.Choice(choices)
         elif kinds <= {int, float}:
             parse = click.FLOAT if float in kinds else click.INT
@@ -69,37 +80,51 @@ def map_trials(path: Path, **values: Any) -> list[Recording]:
     return list_trials(path, map_file(path, **values))
 
 
-def map_file(path: Path, *, no_reference: bool = False, **values: Any) -> Recording:
-    """Map the variables of a file to channels, and show it; what the options leave out follows from names and units."""
+def parse_reading(path: Path, *, no_reference: bool = False, **values: Any) -> Recording:
+    """How a file is read by the options of a command, without what its names and units say."""
     stated = {name: value for name, value in values.items() if value is not None}
     if no_reference:
         if "reference" in stated:
             raise click.UsageError("--reference and --no-reference exclude each other.")
         stated["reference"] = NO_REFERENCE
     try:
-        options = Recording.parse("the options", file=path.name, **stated)
+        return Recording.parse("the options", file=path.name, **stated)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
+
+
+def map_file(path: Path, **values: Any) -> Recording:
+    """Map the variables of a file to channels, and show it; what the options leave out follows from names and units."""
+    options = parse_reading(path, **values)
     variables = _find_variables(path, options)
     mapping = {"reference": NO_REFERENCE}
     mapping |= {role: variable.name for role, variable in variables.items() if role in CHANNELS}
     mapping |= options.channels
+    unit = options.position_unit
     remark = ""
-    if options.position_unit is None:
+    if unit is None:
         position = variables.get("position")
         unit = find_position_unit(position.name, position.unit) if position else None
-        mapping["position_unit"] = unit or "rad"
         remark = " (stated by the file)"
-        if unit is None:
+        if unit is None and position and find_unit_in_name(position.name):
+            remark = " (unless the file is refused)"
+        elif unit is None:
+            unit = "rad"
             remark = " (assumed: --position-unit deg if it is in degrees)"
-    recording = options.model_copy(update=mapping)
-    unit_text = f"{recording.position_unit}{remark}"
+    recording = options.model_copy(update={**mapping, "position_unit": unit})
+    unit_text = f"{_show_unit(recording.position_unit, 'rad')}{remark}"
     echo(click.style(path.name, bold=True))
     names = {role: _describe_part(name, variables.get(role)) for role, name in mapping.items()}
+    torque_unit = _show_unit(recording.torque_unit, "N·m")
     echo(f"  position  {names['position']}, in {unit_text}, sign {recording.position_sign:+d}")
-    echo(f"  torque    {names['torque']}, in N·m, sign {recording.torque_sign:+d}")
+    echo(f"  torque    {names['torque']}, in {torque_unit}, sign {recording.torque_sign:+d}")
     echo(f"  reference {names['reference']}")
     return recording
+
+
+def _show_unit(unit: str | float | None, usual: str) -> str:
+    """A unit that is stated by name or as a number of the usual one, or else the usual one."""
+    return f"{unit:g} {usual}" if isinstance(unit, float) else unit or usual
 
 
 def _describe_part(name: str, variable: Variable | None) -> str:

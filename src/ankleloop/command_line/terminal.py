@@ -21,6 +21,8 @@ PLACEHOLDERS = {
     "reference": "NAME",
     "sampling_rate": "HZ",
     "case": "NUMBER",
+    "position_unit": "NUMBER",
+    "torque_unit": "NUMBER",
     "variables": "NAME=VARIABLE",
     "start": "S",
     "stop": "S",

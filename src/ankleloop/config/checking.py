@@ -143,7 +143,10 @@ def check_cases(key: str, names: Iterable[str]) -> None:
 def find_kind(annotation: Any) -> str:
     """Kind of the values of a field: count, flag, number or text."""
     kinds = get_args(annotation) or (annotation,)
-    types = {kind if isinstance(kind, type) else type(kind) for kind in kinds}
+    types = {
+        kind if isinstance(kind, type) else getattr(kind, "__origin__", type(kind))
+        for kind in kinds
+    }
     return next((word for kind, word in KINDS.items() if kind in types), "text")
 
 

@@ -33,7 +33,7 @@ class Recording(ReadingOptions):
     """A recording: its file, how it is read, and which part of it is used."""
 
     file: str = option(
-        description="file below the folder of the study (.csv, .csv.gz, .mat, .h5, .nc, .flb)",
+        description="file below the folder of the study (.csv, .csv.gz, .txt, .tsv, .mat, .h5, .nc, .flb)",
         min_length=1,
     )
     subject: str = option("", "subject; groups the figures")

@@ -14,6 +14,7 @@ from ankleloop.config.study import RecordedStudy, SimulatedStudy, Study, read_st
 from ankleloop.errors import DataError
 from ankleloop.joint.regressors import decimation_grid
 from ankleloop.options import suggest_name
+from ankleloop.signals.decimation import usual_rate
 from ankleloop.trials.files import PathLike
 
 
@@ -98,11 +99,12 @@ def _check_methods(study: SimulatedStudy) -> None:
         samples = round(condition["duration"] * rate)
         for name, method in study.methods.items():
             options = {**method.fixed_options, **point.options.get(name, {})}
-            if "identification_rate" not in options:
+            if "identification_rate" not in type(method.options).model_fields:
                 continue
+            identification_rate = options.get("identification_rate", usual_rate(rate))
             delay = options.get("delay") or 0.0
             try:
-                decimation_grid(samples, rate, options["identification_rate"], delay)
+                decimation_grid(samples, rate, identification_rate, delay)
             except DataError as error:
                 raise key_error(
                     (*place, "methods", name, "options"), f"at the point {point.name}: {error}"

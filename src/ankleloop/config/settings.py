@@ -71,8 +71,11 @@ class MethodSettings(Options):
 
     @property
     def fixed_options(self) -> Values:
-        """Options with their defaults, without those that are to be selected."""
-        return {name: value for name, value in self.options if name not in self.select}
+        """Options with their defaults, without those that are to be selected, and a rate only if it is given."""
+        options = {name: value for name, value in self.options if name not in self.select}
+        if "identification_rate" not in self.options.model_fields_set:
+            options.pop("identification_rate", None)  # that of a trial follows from its own
+        return options
 
     @property
     def identify_options(self) -> Values:

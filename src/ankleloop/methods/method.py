@@ -17,6 +17,7 @@ from ankleloop.joint.estimate import Estimate, add_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
+from ankleloop.signals.decimation import USUAL_RATE, usual_rate
 
 Trial = xr.Dataset | PreparedTrial
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
@@ -27,12 +28,19 @@ class MethodOptions(Options):
     """Options that all methods have."""
 
     identification_rate: float = option(
-        100.0,
-        "rate of the identification; the sampling rate has to be a multiple of it",
+        USUAL_RATE,
+        "rate of the identification, of which the sampling rate has to be a multiple; where it is not given, the whole "
+        "division of the sampling rate that is nearest to 100 Hz",
         unit="Hz",
         ge=1,
         le=10000,
     )
+
+    def at_rate(self, sampling_rate: float) -> Self:
+        """These options for a trial, with a rate of the identification that divides its own."""
+        if "identification_rate" in self.model_fields_set:
+            return self
+        return self.model_copy(update={"identification_rate": usual_rate(sampling_rate)})
 
 
 class KnownDelayOptions(MethodOptions):
@@ -165,6 +173,8 @@ class Method:
         trials = prepare_trials(trial)
         if isinstance(trial, (list, tuple)):
             self._check_merged(trials)
+        if isinstance(chosen, MethodOptions):
+            chosen = chosen.at_rate(trials[0].rate)
         reference = self.reference(chosen)
         data_warnings = check_data(trials, data_use(chosen, reference))
         estimate = self.identify(trials if self.merges else trials[0], chosen)

@@ -16,6 +16,7 @@ from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import MEASURED, MOTION
 from ankleloop.methods.method import NOMINAL_DELAY, Trial
 from ankleloop.options import Options, check_choice, show_value
+from ankleloop.signals.decimation import usual_rate
 from ankleloop.signals.responses import lag_matrix
 from ankleloop.signals.sampling import match_times
 from ankleloop.trials.trial import segment
@@ -102,7 +103,8 @@ def select_options(
     >>> select_options(trial, fit, {"basis": ["rectifier"], "order": [1, 2]})["chosen"]
     {'basis': 'rectifier', 'order': 2}
     """
-    record = prepare(trial).trial
+    prepared = prepare(trial)
+    record = prepared.trial
     reference = options.get("reference", "reference")
     has_reference = reference in record and reference != "position"
     if criterion is None:
@@ -114,7 +116,7 @@ def select_options(
     delay = options.get("delay")
     inputs = {
         "delay": NOMINAL_DELAY if delay is None else delay,
-        "identification_rate": options.get("identification_rate", 100.0),
+        "identification_rate": options.get("identification_rate", usual_rate(prepared.rate)),
         "reference": reference if has_reference else None,
     }
     halves = _halve(record, inputs)

@@ -135,6 +135,7 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         raise DataError("there are no trials to check.")
     trials = [prepare(part) for part in parts]
     refuse_repeated_trials(trials)
+    values = values.at_rate(trials[0].rate)
     length = check_length(trials, values.identification_rate)
     if length.verdict == "refused":
         return Check([length], "undecided", {})

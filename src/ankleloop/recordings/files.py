@@ -45,9 +45,15 @@ def load_recording(path: PathLike, mapping: RecordingValues) -> xr.Dataset:
     trial = read_trial(path, **options)
     start = mapping.get("start")
     stop = mapping.get("stop")
+    end = trial.sizes["time"] / trial.attrs["sampling_rate"]
     if start is not None or stop is not None:
-        end = float(trial["time"][-1]) + 1.0 if stop is None else stop
-        trial = segment(trial, start or 0.0, end)
+        trial = segment(trial, start or 0.0, end + 1.0 if stop is None else stop)
+    if stop is not None and stop > end + 1e-9:
+        raise DataError(
+            f"{Path(path).name}: stop is {stop:g} s, and the record ends at {end:g} s: give a time within it, or leave "
+            "stop out.",
+            remedy={"stop": None},
+        )
     return remove_drift(trial, mapping["drift"]) if mapping.get("drift") else trial
 
 
@@ -72,8 +78,8 @@ def check_course(trial: xr.Dataset, mapping: RecordingValues) -> list[Finding]:
     if onsets is None and schedule is None:
         return []
     name = "cycles" if schedule is None else "schedule"
-    options = CheckOptions()
     prepared = prepare(trial)
+    options = CheckOptions().at_rate(prepared.rate)
     try:
         grid = prepared.grid(options.identification_rate, options.delay)
         course = make_course([prepared], [grid], onsets, schedule)

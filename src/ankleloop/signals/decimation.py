@@ -20,9 +20,17 @@ from ankleloop.kernels import as_samples, kernel
 PASSBAND = 0.38
 STOPBAND = 0.50
 ATTENUATION_DB = 90.0
+USUAL_RATE = 100.0  # of an identification [Hz]
 # Band of the velocity at the input of the static nonlinearity [Hz]; less where the sampling rate is low.
 VELOCITY_PASSBAND = 150.0
 VELOCITY_STOPBAND = 250.0
+
+
+def usual_rate(sampling_rate: float) -> float:
+    """The whole division of a sampling rate [Hz] that is nearest to 100 Hz."""
+    factor = max(1, int(sampling_rate / USUAL_RATE))
+    rates = (sampling_rate / factor, sampling_rate / (factor + 1))
+    return min(rates, key=lambda rate: abs(rate - USUAL_RATE))
 
 
 def decimation_factor(sampling_rate: float, identification_rate: float) -> int:

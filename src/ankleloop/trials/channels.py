@@ -6,12 +6,14 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.contents import Contents, Variable, list_owners
-from ankleloop.trials.units import RATE_UNITS
+from ankleloop.trials.contents import Contents, Variable, as_text, is_nwb, list_owners
+from ankleloop.trials.units import RATE_UNITS, is_time
 
 # Unit and long name of each variable that the library writes.
 VARIABLES = {
@@ -32,9 +34,13 @@ VARIABLES = {
 CHANNELS = ("position", "torque", "reference")
 TRUE_TORQUES = tuple(name for name in VARIABLES if name.startswith("torque_"))
 TIME, RATE = "time", "sampling_rate"  # roles beside the channels of the trial
+FOUND, NONE = "auto", "none"  # in place of the name of a variable
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
-TIME_NAMES = ("time", "time_s", "t", "Time", "time_ms", "t_ms", "time_us")
+# What turns samples into numbers with a unit, where no convention says how.
+SCALES = ("conversion", "gain", "scale", "sensitivity", "offset")
+# Names that say nothing of a channel that is a group or a struct.
+PLAIN_NAMES = ("values", "value", "data", "samples", "signal")
 # Words of a name that say what a channel is. A command of the position is a reference, one of the torque is nothing
 # that a trial has.
 CHANNEL_WORDS = {
@@ -130,7 +136,10 @@ def _has_samples(contents: Contents, name: str) -> bool:
 
 def _channel_of(name: str) -> str | None:
     """Channel that a full name says; None if it says none, or something else."""
-    last = re.split(r"[/.]", name.rstrip("/."))[-1]
+    # Signs within brackets, and in N.m, are those of units.
+    *groups, last = re.split(r"[/.](?![^(\[]*[)\]]|m\b)", name.rstrip("/."))
+    if groups and last.lower() in PLAIN_NAMES:
+        last = groups[-1]
     if last in TRUE_TORQUES:
         return None
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", last).lower()
@@ -154,16 +163,21 @@ def find_channels(
         with suppress(DataError):
             variable = contents.require(name)
             samples = contents.read_numbers(variable) if "[" in variable.name else np.empty(0)
-            yield role, variable, samples.ravel()[:1]
+            yield role, _describe(contents, variable), samples.ravel()[:1]
 
 
 def read_channels(
-    contents: Contents, variables: Mapping[str, str | None], rate: float | None = None
+    contents: Contents,
+    variables: Mapping[str, str | None],
+    rate: float | None = None,
+    time: str | None = FOUND,
+    stated: Sequence[str] = (),
 ) -> Iterator[tuple[str, Variable, np.ndarray]]:
     """Read the variables of a trial, its times and its sampling rates, each alone, from an open file.
 
-    `variables` are names in the file by role, None where they are to be found; `rate` is what the caller states [Hz].
-    The true torques of a simulation are read where the file has them beside the torque.
+    `variables` are names in the file by role, None where they are to be found; `rate` is what the caller states [Hz],
+    `time` the name of the times, `FOUND`, or None to leave them out; `stated` has the options of units that the caller
+    gives. The true torques of a simulation are read where the file has them beside the torque.
     """
     names = find_names(contents, variables)
     selected = {role: contents.require(name) for role, name in names.items()}
@@ -173,14 +187,18 @@ def read_channels(
         variable = contents.find(contents.join(group, role))
         if variable is not None:
             selected[role] = variable
-    owners = list_owners(selected["position"].name.lstrip("/"))
-    times = (contents.find(contents.join(owner, name)) for owner in owners for name in TIME_NAMES)
-    # A single number is no time.
-    time = next((part for part in times if part is not None and math.prod(part.shape) != 1), None)
-    if time is not None and time.name not in {variable.name for variable in selected.values()}:
-        selected[TIME] = time
     for role, variable in selected.items():
-        yield role, variable, contents.read_numbers(variable)
+        described = _describe(contents, variable)
+        option = "torque_unit" if role.startswith("torque") else "position_unit"
+        if role.startswith(CHANNELS) and option not in stated:
+            _check_scale(described, option, source=contents.path.name)
+        yield role, described, contents.read_numbers(described)
+    owners = list_owners(selected["position"].name.lstrip("/"))
+    if time == FOUND:
+        taken = [variable.name for variable in selected.values()]
+        time = next(_find_times(contents, owners, taken), None)
+    if time not in (None, NONE):
+        yield (TIME, *_read_times(contents, contents.require(time)))
     rates = _find_rates(contents, owners, rate)
     if rates:
         numbers = np.array([*rates.values()])
@@ -204,6 +222,69 @@ def _check_channels(contents: Contents, channels: Mapping[str, Variable]) -> Non
             if is_meant
             else {role: None},  # which column of a matrix, only the user knows
         )
+
+
+def _describe(contents: Contents, variable: Variable) -> Variable:
+    """A variable with its unit and its scale, where they stand beside it: in its struct, or as its name with a word."""
+    owner, separator, last = variable.name.rpartition(contents.separator)
+    start = f"{owner}{separator}" if last.lower() in PLAIN_NAMES else f"{variable.name}_"
+    attributes: dict[str, Any] = {}
+    for word in ("unit", "units", *SCALES):
+        part = contents.find(f"{start}{word}")
+        if part is None:
+            continue
+        values = np.ravel(part.read())
+        if as_text(part.attributes.get("MATLAB_class")) == "char":  # of v7.3, by its numbers
+            attributes[word] = "".join(map(chr, values))
+        elif values.size == 1:
+            attributes[word] = values[0]
+    return replace(variable, attributes={**variable.attributes, **attributes})
+
+
+def _check_scale(variable: Variable, option: str, *, source: str) -> None:
+    """Refuse a scale that changes samples if no convention says how."""
+    for name, value in variable.attributes.items():
+        neutral = 0.0 if name.lower() == "offset" else 1.0
+        is_scale = name.lower() in SCALES and np.asarray(value).dtype.kind in "iuf"
+        if is_scale and np.any(value != neutral) and not is_nwb(variable.attributes):
+            raise DataError(
+                f"{source}: the file states {name} = {value} beside {variable.name}, and no convention says what for: "
+                f"give {option}, the unit of the samples, or how much 1 of them is, as 0.05.",
+                remedy={option: None},
+            )
+
+
+def _find_times(contents: Contents, owners: Sequence[str], taken: Sequence[str]) -> Iterator[str]:
+    """Names of what may be the times, the nearest to the position first."""
+    names = _list_own(list(contents.names()), contents, owners[0])
+    for owner in owners:
+        for name in names:
+            is_column = contents.kind == "columns"
+            last = name if is_column else name[len(owner) :].lstrip("/.")
+            is_within = is_column or list_owners(name)[1] == owner
+            if not is_within or name in taken or not _has_samples(contents, name):
+                continue
+            with suppress(DataError):
+                if is_time(last) or is_time(contents.require(name).unit):
+                    yield name
+
+
+def _read_times(contents: Contents, variable: Variable) -> tuple[Variable, np.ndarray]:
+    """Times as numbers; those of a clock, of one or several days, in seconds."""
+    values = np.ravel(variable.read())
+    if ":" not in as_text(values[0]):
+        return variable, contents.read_numbers(variable)
+    import pandas as pd
+
+    variable = replace(variable, attributes={"units": "s"})
+    texts = [as_text(value).replace(",", ".") for value in values.tolist()]
+    if texts[0].count(":") == 1:  # minutes and seconds
+        texts = [f"0:{text}" for text in texts]
+    clock = pd.to_timedelta(texts, errors="coerce")
+    if clock.notna().all():
+        return variable, np.unwrap(clock.total_seconds(), period=86400.0)  # beyond midnight
+    dates = pd.to_datetime(texts, format="mixed", errors="coerce")
+    return variable, np.array((dates - dates[0]).total_seconds())
 
 
 def _find_rates(

@@ -242,12 +242,18 @@ class Contents:
         """Refuse text that is no number."""
         for sample, cell in enumerate(cells.ravel().tolist()):
             try:
-                float("nan" if cell is None else cell)
+                # Python takes 1_0 for 10, as no other program does.
+                float("nan" if cell is None else str(cell).replace("_", " "))
             except (TypeError, ValueError):
                 raise DataError(
                     f"{place} is not a number {self.locate_sample(sample)} but {cell!r:.60}: correct the file, or "
                     "choose another variable."
                 ) from None
+
+
+def is_nwb(attributes: Mapping[str, Any]) -> bool:
+    """Whether a scale follows the convention of NWB: in its unit a sample is `stored · conversion + offset`."""
+    return "conversion" in attributes and "unit" in attributes
 
 
 def decode(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
@@ -264,8 +270,9 @@ def decode(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
     if as_text(attributes.get("_Unsigned", "")).lower() == "true" and values.dtype.kind == "i":
         # Behind the comparison: the markers have the signed type as stored.
         values = values.view(values.dtype.str.replace("i", "u"))
-    if "scale_factor" in attributes or "add_offset" in attributes:
-        factor = np.asarray(attributes.get("scale_factor", 1.0)).item()
-        offset = np.asarray(attributes.get("add_offset", 0.0)).item()
+    names = ("conversion", "offset") if is_nwb(attributes) else ("scale_factor", "add_offset")
+    if attributes.keys() & names:
+        factor = np.asarray(attributes.get(names[0], 1.0)).item()
+        offset = np.asarray(attributes.get(names[1], 0.0)).item()
         values = values.astype(float) * factor + offset
     return np.where(missing, np.nan, values) if missing.any() else values

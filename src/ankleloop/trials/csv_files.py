@@ -1,12 +1,13 @@
-"""Tables of text: their columns, and what shows that a file was cut off or is no table."""
+"""Tables of text: their columns, how their cells are written, and what shows that a file was cut off or is no table."""
 
 from __future__ import annotations
 
+import codecs
 import csv
 import gzip
 import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -17,78 +18,131 @@ import pandas as pd
 
 from ankleloop.errors import DataError
 from ankleloop.trials.contents import Contents, Variable, check_size
+from ankleloop.trials.units import is_unit
 
 LAST_ROWS = 101  # whose digits are compared
+FIRST_LINES = 1000  # in which the names and the first numbers are
+DELIMITERS = {";": "semicolons", "\t": "tabs", ",": "commas"}
+NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?inf|nan|n/?a|null", re.IGNORECASE)
 
 
 class CsvContents(Contents):
-    """Columns of a table with commas between its cells and names in its first line, compressed if it ends in .gz.
+    """Columns of a table with names above them, in UTF-8 or UTF-16, compressed if it ends in .gz.
 
-    A file is refused that is not UTF-8, has no header, a line with more cells than the header, or a last line with
+    A file is refused that is no text, has no names, a line with more cells than there are names, or a last line with
     fewer.
     """
 
+    separator = "\n"  # columns are in no groups
     kind = "columns"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._header: list[str] = []
-        self._header_line = 0
+        with self._open("rb") as file:
+            is_utf_16 = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        self._encoding = "utf-16" if is_utf_16 else "utf-8-sig"
         self._rows = 0
         self._longest_row = 0  # cells
         self._last: deque[tuple[int, str]] = deque(maxlen=LAST_ROWS)  # numbered lines
+        units = self._find_names(list(islice(self._lines(), FIRST_LINES)))
         self._measure()
-        for column, name in enumerate(self._header):
-            self.variables.append(Variable(name, (self._rows,), partial(self._read, column)))
+        for column, name in enumerate(self._names):
+            unit = "".join(units[column : column + 1])
+            read = partial(self._read, column)
+            self.variables.append(Variable(name, (self._rows,), read, {"units": unit}))
+
+    def _find_names(self, lines: Sequence[tuple[int, str]]) -> list[str]:
+        """Find delimiter and names of the table, by its first lines; the units of its columns, if a row has them.
+
+        The delimiter is the one that gives most numbers in a line far down. The numbers begin with the first line that
+        has two or more of them, and no text where that line has numbers. The names are in the line above, or in the one
+        before it where the line above has units.
+        """
+        model = lines[-2 if len(lines) > 2 else -1][1] if lines else ""
+        numbers = {sign: _find_numbers(_split(model, sign)) for sign in DELIMITERS}
+        self._delimiter = max(numbers, key=lambda sign: len(numbers[sign]))
+        columns = numbers[self._delimiter]
+        above: list[tuple[int, list[str]]] = []  # the first numbers
+        for number, line in lines:
+            cells = _split(line, self._delimiter)
+            found = _find_numbers(cells)
+            text = {place for place, cell in enumerate(cells) if cell} - found
+            if len(found) > 1 and not columns & text:
+                break
+            above.append((number, cells))
+        else:
+            raise DataError(
+                f"{self.path.name}: the table has no names, or no samples below them, with semicolons, tabs or commas "
+                "between: write it so."
+            )
+        if not above:
+            raise DataError(
+                f"{self.path.name}: there are no names above the numbers, which begin in line {number} with "
+                f"{DELIMITERS[self._delimiter]} between them: write names into a line above, as time_s, angle_rad, "
+                "torque_nm."
+            )
+        # Between commas they may be those of thousands.
+        self._decimal = "," if "," in model and self._delimiter != "," else "."
+        self._last_line, units = above[-1]  # above the numbers
+        has_units = len(above) > 1 and any(map(is_unit, units))
+        self._names_line, names = above[-2 if has_units else -1]
+        self._names = [names[0].lstrip("#% "), *names[1:]]
+        return units if has_units else []
+
+    def find_number(self, owner: str, name: str) -> Variable | None:
+        """A column that has one number in all of its rows, or in some."""
+        variable = self.find(name)
+        cells = np.empty(0) if variable is None else variable.read()
+        different = list(set(cells[~pd.isna(cells)].tolist()))
+        return Variable(name, (1,), lambda: different) if len(different) == 1 else None
 
     def _read(self, column: int) -> np.ndarray:
         """Numbers of a column, or objects where some are text."""
         frame = pd.read_csv(
-            self.path, header=None, skiprows=self._header_line, usecols=[column], names=range(self._longest_row),
-            index_col=False, skipinitialspace=True,
+            self.path, header=None, skiprows=self._last_line, usecols=[column], names=range(self._longest_row),
+            index_col=False, skipinitialspace=True, sep=self._delimiter, decimal=self._decimal,
+            encoding=self._encoding,
         )  # fmt: skip
         self._check_last_cell(column)
         return frame[column].to_numpy()
 
     def locate_sample(self, sample: int) -> str:
-        """Describe where a sample is in the file: by its line, the header's among them."""
-        rows = (
-            number for number, line in self._lines() if number > self._header_line and line.strip()
-        )
+        """Describe where a sample is in the file: by its line, those above the numbers among them."""
+        rows = (number for number, _ in self._lines() if number > self._last_line)
         return f"in line {next(islice(rows, sample, None))}"
 
+    def _open(self, mode: str, **options: Any) -> Any:
+        """The file, of which gzip takes off the compression."""
+        open_file: Any = gzip.open if self.path.name.lower().endswith(".gz") else open
+        return open_file(self.path, mode, **options)
+
     def _lines(self) -> Iterator[tuple[int, str]]:
-        """Lines with their numbers."""
-        open_text: Any = gzip.open if self.path.name.lower().endswith(".gz") else open
-        with open_text(self.path, "rt", encoding="utf-8-sig", errors="surrogateescape") as file:
-            yield from enumerate(file, 1)
+        """Lines that are not empty, with their numbers."""
+        with self._open("rt", encoding=self._encoding, errors="surrogateescape") as file:
+            for number, line in enumerate(file, 1):
+                if wrong := re.search("[\0\udc80-\udcff]", line):
+                    raise DataError(
+                        f"{self.path.name}: line {number} is no text in UTF-8 (byte 0x{ord(wrong[0]) & 0xFF:02x}): "
+                        "save it as CSV in UTF-8."
+                    )
+                if line.strip():
+                    yield number, line
 
     def _measure(self) -> None:
         """Count rows and cells; refuse a line that has too many, and a last one that has too few."""
         for number, line in self._lines():
-            if wrong := re.search("[\0\udc80-\udcff]", line):
-                raise DataError(
-                    f"{self.path.name}: line {number} is no text in UTF-8 (byte 0x{ord(wrong[0]) & 0xFF:02x}): save "
-                    "it as CSV in UTF-8."
-                )
-            cells = line.count(",") + 1
-            if cells == 1 and not line.strip():
+            if number <= self._last_line:
                 continue
-            if not self._header:
-                self._header = _split(line)
-                self._header_line = number
-                continue
-            if cells > len(self._header):
+            cells = line.count(self._delimiter) + 1
+            if '"' in line:
+                cells = len(_split(line, self._delimiter))
+            if cells > len(self._names):
                 self._check_cells_beyond(number, line)
             self._longest_row = max(self._longest_row, cells)
             self._rows += 1
             self._last.append((number, line))
         check_size(self._rows, f"{self.path.name}: the table")
-        if not self._rows:
-            raise DataError(
-                f"{self.path.name}: the table has no header in its first line, or no samples below it."
-            )
-        lengths = [len(_split(line)) for _, line in list(self._last)[-2:]]
+        lengths = [len(_split(line, self._delimiter)) for _, line in list(self._last)[-2:]]
         if lengths[-1] < lengths[0]:
             number = self._last[-1][0]
             raise DataError(
@@ -97,28 +151,28 @@ class CsvContents(Contents):
             )
 
     def _check_cells_beyond(self, number: int, line: str) -> None:
-        """Refuse a line with more cells than the header; empty ones do not count."""
-        cells = _split(line)
-        width = len(self._header)
+        """Refuse a line with more cells than the names; empty ones do not count."""
+        cells = _split(line, self._delimiter)
+        width = len(self._names)
         if any(cells[width:]):
             raise DataError(
-                f"{self.path.name}: line {number} has {len(cells)} cells and the header {width}: correct the line; "
-                "write decimal points, not commas."
+                f"{self.path.name}: line {number} has {len(cells)} cells and the header {width}, which is taken to be "
+                f"line {self._names_line}, with {DELIMITERS[self._delimiter]} between the cells: correct the line "
+                "that is wrong; write decimal points, not commas."
             )
 
     def _check_last_cell(self, column: int) -> None:
         """Refuse, or warn of, a file that ends within its last number, which therefore may have lost digits."""
         number, line = self._last[-1]
-        if line.endswith("\n") or column != len(_split(line)) - 1:
+        if line.endswith("\n") or column != len(_split(line, self._delimiter)) - 1:
             return
-        *cells, last_cell = [
-            _split(row)[column] for _, row in self._last if row.count(",") >= column
-        ]
+        rows = [_split(row, self._delimiter) for _, row in self._last]
+        *cells, last_cell = [row[column] for row in rows if len(row) > column]
         usual_decimals = {_count_decimals(cell) for cell in cells}
         decimals = _count_decimals(last_cell)
         if decimals and usual_decimals == {decimals}:
             return  # it is whole
-        name = self._header[column]
+        name = self._names[column]
         fault = f"{self.path.name}: the file ends within line {number}, at the {name} {last_cell!r}"
         if usual_decimals and decimals < min(usual_decimals):
             raise DataError(
@@ -130,11 +184,18 @@ class CsvContents(Contents):
         )
 
 
-def _split(line: str) -> list[str]:
+def _find_numbers(cells: Sequence[str]) -> set[int]:
+    """Places of the cells that are numbers."""
+    return {place for place, cell in enumerate(cells) if NUMBER.fullmatch(cell)}
+
+
+def _split(line: str, delimiter: str) -> list[str]:
     """Cells of a line."""
-    return [cell.strip() for cell in next(csv.reader([line], skipinitialspace=True), [])]
+    cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    return [cell.strip() for cell in cells]
 
 
 def _count_decimals(text: str) -> int:
-    """Digits behind the point."""
-    return len(text.lower().partition("e")[0].partition(".")[2])
+    """Digits behind the point or comma."""
+    mantissa = text.lower().partition("e")[0]
+    return len(mantissa.replace(",", ".").partition(".")[2])

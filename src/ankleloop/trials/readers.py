@@ -10,7 +10,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate, parse_rate
-from ankleloop.trials.channels import RATE, RATE_NAMES, TIME, TIME_NAMES
+from ankleloop.trials.channels import RATE, RATE_NAMES, TIME
 from ankleloop.trials.contents import Variable
 from ankleloop.trials.files import PathLike
 from ankleloop.trials.reading_options import ReadingOptions
@@ -18,6 +18,7 @@ from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_shape, check_sizes, new_trial
 from ankleloop.trials.units import check_unit, find_position_unit, time_factor
 
+UNIT_OPTIONS = ("position_unit", "torque_unit")
 LOWEST_JOINT_RATE = 10.0  # Hz: times without a unit that are slower may be in ms
 
 
@@ -25,11 +26,11 @@ LOWEST_JOINT_RATE = 10.0  # Hz: times without a unit that are slower may be in m
 def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     r"""Read a trial from a file.
 
-    The file format follows from the suffix: `.csv`, `.csv.gz`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`, `.nc`, `.flb`.
-    Nested variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files, where columns of
-    tables, properties of objects and channels of the class `nldat` are such fields. The true torques of a simulated
-    trial are read too where the file has them beside the torque. Scale, offset and missing samples are applied as the
-    attributes of the file state them. Another process opens the file, with limits of time and memory.
+    The file format follows from the suffix: `.csv`, `.csv.gz`, `.txt`, `.tsv`, `.mat` (v5 and v7.3), `.h5`, `.hdf5`,
+    `.nc`, `.flb`. Nested variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files, where
+    columns of tables, properties of objects and channels of the class `nldat` are such fields. The true torques of a
+    simulated trial are read too where the file has them beside the torque. Scale, offset and missing samples are
+    applied as the attributes of the file state them. Another process opens the file, with limits of time and memory.
 
     Parameters
     ----------
@@ -43,14 +44,21 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     reference : str, optional
         The variable of the command to the servo; it has the unit and the sign of the position. By default it is found
         by its name (`reference`, `command`), where one has such a name; "none" takes no variable for it.
+    time : str, optional
+        The variable of the times, which must be regular. By default, "auto", it is found beside the position or above
+        it by a name or a unit of times, as `time`, `Time (s)`, `t_ms` or `timestamps`; a clock as text is read, too.
+        None takes no times: then gaps are not looked for.
     sampling_rate : float, optional
         Sampling rate [Hz]. By default it comes from the file: a number called `sampling_rate`, `sample_rate`, `fs` or
-        `Fs`, as a variable or an attribute, beside the position or above it; else from a column `time`, `time_s`, `t`
-        or `Time` [s], `time_ms`, `t_ms` or `time_us`. A time column must be regular. Rates that are given, in the
-        file, and of the time column have to agree within 0.1 %.
-    position_unit : {"rad", "deg"}, optional
-        The unit of position and reference in the file. By default that which the file states for the position, by an
-        attribute or at the end of its name (`angle_deg`), and rad where it states none.
+        `Fs`, as a variable or an attribute, beside the position or above it; else from the times. Rates that are given,
+        in the file, and of the times have to agree within 0.1 %.
+    position_unit : {"rad", "deg", "mrad", "turn"} or float, optional
+        The unit of position and reference in the file, or how many rad 1 is there. By default rad or deg as the file
+        states it for the position, by an attribute or at the end of its name (`angle_deg`), and rad where it states
+        none.
+    torque_unit : {"N·m", "mN·m", "N·cm", "N·mm", "lbf·ft", "lbf·in", "kgf·m"} or float, optional
+        The unit of the torque in the file, also in other spellings, as "ft.lb"; or how many N·m 1 is there, for a
+        torque in volts or for each kg. By default N·m; a file that states another unit is refused.
     position_sign, torque_sign : {1, -1}
         Factors that bring the file to the convention here: the torque opposes stretch, so stiffness is positive.
     case : int, optional
@@ -70,7 +78,8 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     DataError
         If the file cannot be read, or not within the limits; if it has more than 20 million samples, lacks a variable
         or a sampling rate, has an irregular time column or one that contradicts the sampling rate, states another unit
-        than `position_unit` or N·m, or holds no valid trial; or if an option has a wrong value.
+        than `position_unit` or `torque_unit`, or a gain without a convention, or holds no valid trial; or if an option
+        has a wrong value.
 
     Examples
     --------
@@ -89,15 +98,22 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     except ValueError as error:
         raise DataError(str(error)) from None
     variables = read_channels(
-        path, options.case, variables=options.names, rate=options.sampling_rate
+        path,
+        options.case,
+        variables=options.names,
+        rate=options.sampling_rate,
+        time=options.time,
+        stated=[name for name in UNIT_OPTIONS if getattr(options, name) is not None],
     )
     position = variables["position"]
-    unit = options.position_unit or find_position_unit(position.name, position.unit) or "rad"
+    unit = options.position_unit or find_position_unit(position.name, position.unit)
     options = options.model_copy(update={"position_unit": unit})
     signals = {role: item for role, item in variables.items() if role not in (TIME, RATE)}
     for role, variable in signals.items():
         if role not in options.further:
-            check_unit(role, variable.name, variable.unit, unit, source=path.name)
+            check_unit(
+                role, variable.name, variable.unit, unit, options.torque_unit, source=path.name
+            )
         check_shape(variable.shape, variable.name, source=path.name)
     trial = new_trial(
         **{role: variable.read() * options.factor(role) for role, variable in signals.items()},
@@ -106,7 +122,9 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         **{f"{role}_variable": signals[role].name for role in options.names if role in signals},
         **options.model_dump(include={"position_sign", "torque_sign", "case"}),
         position_unit="rad",
-        position_unit_of_file=unit,
+        position_unit_of_file=unit or "rad",
+        torque_unit_of_file=options.torque_unit,
+        gaps=None if TIME in variables else "unknown",
     )
     for name in options.further:
         trial[name].attrs["units"] = variables[name].unit
@@ -123,8 +141,8 @@ def _choose_rate(variables: Mapping[str, Variable], stated: float | None, *, sou
         return stated or measured
     if stated is None:
         raise DataError(
-            f"{source}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column "
-            f"({', '.join(TIME_NAMES)}): pass sampling_rate in Hz.",
+            f"{source}: there is no sampling rate ({', '.join(RATE_NAMES)}) and no time column (time, t): pass "
+            "sampling_rate in Hz.",
             remedy={"sampling_rate": None},
         )
     return stated
@@ -147,7 +165,12 @@ def _measure_rate(variable: Variable, samples: int, stated: float | None, *, sou
     check_sizes({"position": samples, variable.name: size}, source=source)
     factor = time_factor(variable.name, variable.unit, source=source)
     times = variable.read() * (factor or 1.0)
-    measured = compute_rate(times, source=source, name=variable.name)
+    try:
+        measured = compute_rate(times, source=source, name=variable.name)
+    except DataError as error:
+        raise DataError(
+            f"{error} If the times are wrong, and not the samples, leave them out by time=None and pass sampling_rate."
+        ) from None
     if stated is not None:
         check_same_rate(stated, measured, source=source, name=variable.name)
     elif factor is None and measured < LOWEST_JOINT_RATE:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from ankleloop.errors import DataError
 from ankleloop.options import Options, option, show_value
-from ankleloop.trials.channels import CHANNELS
+from ankleloop.trials.channels import CHANNELS, FOUND
 from ankleloop.trials.contents import number_trial
 from ankleloop.trials.reading_process import read_channels
+from ankleloop.trials.units import POSITION_UNITS, TORQUE_UNITS, find_factor, normalise_unit
 
 NO_REFERENCE = "none"  # in place of the name of a variable
 # Names of further variables: not those that a trial has anyway, or that its reading records.
@@ -22,6 +22,7 @@ FURTHER_NAME = r"(?!torque|(position(_unit|_sign)?|reference|time|sampling_rate|
 PAIRS = "pairs of a name in the trial and the variable of the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
 
 
+Factor = Annotated[float, Field(gt=0.0, le=1e9)]  # how much 1 is in the file
 Reading = TypeVar("Reading", bound="ReadingOptions")
 
 
@@ -40,11 +41,21 @@ class ReadingOptions(Options):
         "where one has such a name",
         min_length=1,
     )
+    time: str | None = option(
+        FOUND,
+        "name of the times in the file, or none to take no times; auto: found by name or unit",
+        min_length=1,
+    )
     sampling_rate: float | None = option(
         None, "sampling rate; null: that of the file", unit="Hz", ge=0.001, le=1e9
     )
-    position_unit: Literal["rad", "deg"] | None = option(
-        None, "unit of position and reference in the file; null: as the file states it, else rad"
+    position_unit: Literal[tuple(POSITION_UNITS)] | Factor | None = option(  # type: ignore[valid-type]
+        None,
+        "unit of position and reference in the file, or the rad of 1 there; null: as the file states it, else rad",
+    )
+    torque_unit: Literal[tuple(TORQUE_UNITS)] | Factor | None = option(  # type: ignore[valid-type]
+        None,
+        "unit of the torque in the file, also spelled as ft.lb or Nm, or the N·m of 1 there; null: N·m",
     )
     position_sign: Literal[1, -1] = option(1, "-1 turns position and reference round")
     torque_sign: Literal[1, -1] = option(
@@ -58,6 +69,12 @@ class ReadingOptions(Options):
         "further variables of the trial, as a schedule or the phase of a cycle: name in the trial and variable of the "
         "file, as {ankle_angle: angle}; in tables ankle_angle=angle, with commas between several",
     )
+
+    @field_validator("position_unit", "torque_unit", mode="before")
+    @classmethod
+    def _as_unit(cls, value: Any) -> Any:
+        """Units have several spellings."""
+        return normalise_unit(value) if isinstance(value, str) else value
 
     @field_validator("variables", mode="before")
     @classmethod
@@ -120,10 +137,10 @@ class ReadingOptions(Options):
     def factor(self, channel: str) -> float:
         """Compute the factor that brings the numbers of the file to rad and N·m, with the sign of the convention."""
         if channel.startswith("torque"):
-            return float(self.torque_sign)
+            return self.torque_sign * find_factor(self.torque_unit or "N·m")
         if channel not in ("position", "reference"):
             return 1.0
-        return self.position_sign * (math.pi / 180.0 if self.position_unit == "deg" else 1.0)
+        return self.position_sign * find_factor(self.position_unit or "rad")
 
 
 def list_trials(path: Path, options: Reading) -> list[Reading]:

@@ -40,7 +40,8 @@ from ankleloop.trials.files import (
     stamp_file,
 )
 
-SUFFIXES = (".csv", ".csv.gz", ".mat", ".h5", ".hdf5", ".nc", ".flb")
+TABLES = (".csv", ".csv.gz", ".txt", ".tsv")
+SUFFIXES = (*TABLES, ".mat", ".h5", ".hdf5", ".nc", ".flb")
 # Limits of the processor and of memory for a file.
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0
 BYTES, BYTES_PER_BYTE = 1 << 30, 4
@@ -314,7 +315,7 @@ def choose_container(path: Path, case: int | None) -> Callable[[Path], Contents]
     suffix = str(find_suffix(path))
     if case is not None and suffix != ".flb":
         raise DataError(f"{path.name}: case chooses a trial of an .flb file: leave it out.")
-    if suffix in (".csv", ".csv.gz"):
+    if suffix in TABLES:
         from ankleloop.trials.csv_files import CsvContents
 
         return CsvContents

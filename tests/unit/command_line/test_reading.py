@@ -110,7 +110,10 @@ def test_stated_units(tmp_path, capsys):
     ("arguments", "words"),
     [
         (["--torque-sign", "2"], "'--torque-sign'"),
-        (["--position-unit", "grad"], "'grad' is not one of 'rad', 'deg'."),
+        (
+            ["--position-unit", "grad"],
+            "position_unit must be one of 'rad', 'deg', 'mrad' or 'turn'; got 'grad'.",
+        ),
         (["--start", "5", "--stop", "3"], "stop (3 s) must be after start (5 s)"),
         (["--sampling-rate", "0"], "sampling_rate must be between 0.001 and 1e9 Hz, got 0.0."),
         (
@@ -131,7 +134,9 @@ def test_wrong_options(run, tmp_path, arguments, words):
 def test_all_who_read_take_the_same_variables(tmp_path):
     path = write_columns(tmp_path / "S1.csv", "ankle_angle_deg", "moment", "command_deg", "knee")
     table = tmp_path / "recordings.csv"
-    table.write_text("file,name,reference\nS1.csv,a,\nS1.csv,b,none\n")
+    table.write_text(
+        "file,name,reference,torque_unit,time\nS1.csv,a,,,\nS1.csv,b,none,Nm,\nS1.csv,c,,20,none\n"
+    )
     trial = read_trial(path, sampling_rate=500.0)
     assert trial.attrs["reference_variable"] == "command_deg"
     np.testing.assert_allclose(trial["position"], np.radians(np.round(WAVE, 5)))
@@ -139,6 +144,8 @@ def test_all_who_read_take_the_same_variables(tmp_path):
     mapped = [map_file(path, sampling_rate=500.0), *recordings["a"]]
     for recording in mapped:
         assert load_recording(path, recording.model_dump()).identical(trial)
+    scaled = load_recording(path, recordings["c"][0].model_dump())
+    np.testing.assert_allclose(scaled["torque"], 20 * trial["torque"])
     unmoved = [map_file(path, sampling_rate=500.0, no_reference=True), *recordings["b"]]
     for recording in unmoved:
         recorded = load_recording(path, recording.model_dump())

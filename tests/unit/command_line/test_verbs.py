@@ -15,7 +15,8 @@ import yaml
 from study_jobs import run_recordings_job
 
 from ankleloop import identify, load_estimate, plan_duration, save_trial, simulate
-from ankleloop.command_line.analysis import make_study
+from ankleloop.command_line import analysis
+from ankleloop.command_line.analysis import identify_recording, make_study
 from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.reading import map_file
 from ankleloop.command_line.terminal import show_progress
@@ -179,6 +180,40 @@ def test_identify_refuses(run, trial, tmp_path):
     assert "take PR-MOESP" in result.out
 
 
+def test_of_two_commands_with_the_same_results_one_is_refused(
+    run, recording, tmp_path, monkeypatch
+):
+    """The second begins while the first is at work: nothing of the first is lost, and nothing is left of a claim."""
+    other = tmp_path / "other" / recording.name
+    other.parent.mkdir()
+    other.write_bytes(recording.read_bytes())
+    options = ("--method", "pr-moesp", "--output", tmp_path / "results")
+    second = []
+
+    def identify_twice(study, folder):
+        if not second:
+            second.append(run("identify", other, *options, "--overwrite"))
+        return identify_recording(study, folder)
+
+    monkeypatch.setattr(analysis, "identify_recording", identify_twice)
+    assert run("identify", recording, *options).status == 0
+    assert second[0].status == 2
+    assert "another command is writing the results of S1-pre" in second[0].err
+    outputs = contents(tmp_path / "results")
+    assert "S1-pre.html" in outputs
+    assert not [name for name in outputs if name.endswith(".claim")]
+
+
+def test_identify_keeps_options_that_a_file_refuses(run, recording, tmp_path):
+    result = run("identify", recording, "--case", "1")
+    assert result.status == 1
+    assert "case chooses a trial of an .flb file: leave it out" in result.out
+    assert set(contents(recording.with_name(f"{recording.name}-results"))) == {
+        "S1-pre.html",
+        "S1-pre-parameters.csv",
+    }
+
+
 def test_identify_several_files(run, trial, tmp_path):
     """One table and one figure; a file that is refused stops no other, and its own correction is ready to copy."""
     write_recording(trial, tmp_path / "S1.mat", "matlab-5")
@@ -242,7 +277,8 @@ def test_riv_is_that_of_the_library_and_may_have_splines(recording):
     reading = map_file(recording)
     study = make_study("S1", recording, reading, ("riv",), {})
     method = study.analysed_methods["riv"]
-    assert method["options"] == METHODS["riv"].options().model_dump()
+    own = METHODS["riv"].options().model_dump(exclude={"identification_rate"})
+    assert method["options"] == own
     assert method["select"] == {}
     splines = make_study("S1", recording, reading, ("riv",), {"riv.basis": "spline"})
     assert splines.analysed_methods["riv"]["options"] == {**method["options"], "basis": "spline"}

@@ -1,11 +1,12 @@
 """A method is an object: what is called with a name can be called with it, and nothing changes what it gives."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from ankleloop import METHODS, block_bootstrap, identify, simulate
+from ankleloop import METHODS, DataError, block_bootstrap, identify, new_trial, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import torque_dataset
 from ankleloop.methods.method import KnownDelayOptions, Method, Validity
@@ -44,6 +45,24 @@ METHOD = Method("stiffness", KnownDelayOptions, identify_stiffness)
 @pytest.fixture(scope="module")
 def open_loop():
     return simulate(seed=1, duration=30.0, closed_loop=False)
+
+
+@pytest.mark.parametrize(("recording_rate", "rate"), [(256.0, 256 / 3), (1024.0, 102.4)])
+def test_rates_that_100_hz_does_not_divide(open_loop, recording_rate, rate):
+    time = np.arange(29.0 * recording_rate) / recording_rate
+    channels = open_loop[["position", "torque"]].interp(time=time, method="cubic")
+    trial = new_trial(channels.position, channels.torque, recording_rate, channels.position)
+    for method in ("riv", METHOD):
+        estimate = identify(trial, method)
+        assert estimate.torque.attrs["identification_rate"] == pytest.approx(rate)
+        assert estimate.stiffness["K"] == pytest.approx(
+            identify(open_loop, method).stiffness["K"], rel=0.05
+        )
+    with pytest.raises(DataError, match="not a whole multiple") as refusal:
+        identify(trial, "riv", identification_rate=100.0)
+    advised = float(re.search("for example (.*) Hz", str(refusal.value))[1])
+    advised_estimate = identify(trial, "riv", identification_rate=advised)
+    assert advised_estimate.stiffness["K"] == pytest.approx(150, rel=0.1)
 
 
 def test_a_method_is_taken_where_its_name_is(open_loop):

@@ -8,6 +8,7 @@ from ankleloop.signals.decimation import (
     decimate,
     decimation_factor,
     decimation_margin,
+    usual_rate,
 )
 
 RATE, FACTOR = 1000.0, 10
@@ -90,3 +91,21 @@ def test_the_suggested_rate_divides_the_sampling_rate(rate, identification_rate)
         assert f"({identification_rate:g} Hz)" in message
         suggestion = float(message.split("for example ")[1].split(" Hz")[0])
         assert decimation_factor(rate, suggestion) >= 1
+
+
+@pytest.mark.parametrize(
+    ("sampling_rate", "expected"),
+    [
+        (1000.0, 100.0),
+        (2000.0, 100.0),
+        (1024.0, 102.4),
+        (256.0, 256.0 / 3),
+        (128.0, 128.0),
+        (140.0, 70.0),
+        (50.0, 50.0),
+        (999.999999999, 100.0),
+    ],
+)
+def test_the_usual_rate_divides_the_sampling_rate(sampling_rate, expected):
+    assert usual_rate(sampling_rate) == pytest.approx(expected)
+    assert decimation_factor(sampling_rate, usual_rate(sampling_rate)) >= 1

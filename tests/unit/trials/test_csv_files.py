@@ -40,15 +40,12 @@ def test_commas_at_the_ends_of_lines(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "the table has no header in its first line, or no samples below it"),
+        ("", "the table has no names, or no samples below them, with"),
         (
             "position,torque\n1,2\n1,\udce4\n",
             "line 3 is no text in UTF-8 (byte 0xe4): save it as CSV in UTF-8",
         ),
-        (
-            "\ufeffposition,torque\n1,2\n".encode("utf-16"),
-            "line 1 is no text in UTF-8 (byte 0xff): save it",
-        ),
+        ("position,torque\n1,2\n".encode("utf-16-le"), "line 1 is no text in UTF-8 (byte 0x00)"),
         ("position,torque\n1,2\0\n", "line 2 is no text in UTF-8 (byte 0x00): save it"),
     ],
 )

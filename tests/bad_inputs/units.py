@@ -1,0 +1,184 @@
+"""Units, scales and times of files, as names, attributes and neighbours state them."""
+
+from functools import partial
+from pathlib import Path
+
+import h5py
+import numpy as np
+import scipy.io
+
+from ankleloop import read_trial
+from bad_inputs.bad_input import rows_of
+from bad_inputs.inputs import (
+    POSITION,
+    RATE,
+    SIGNALS,
+    TIME,
+    TORQUE,
+    changed,
+    csv_text,
+    mat_file,
+    text_file,
+)
+
+LEAVE_OUT = "leave them out by time=None and pass sampling_rate"
+CLOCK = [f"10:00:{second:09.6f}" for second in TIME]
+LATE = TIME + 0.5 * (TIME > 0.3)
+
+
+def named(**names: str):
+    """A table of the signals under other names."""
+    return text_file(
+        "a.csv", csv_text({names.get(name, name): signal for name, signal in SIGNALS.items()})
+    )
+
+
+def timed(name: str, times):
+    """A table of the signals with other times."""
+    columns = {name: times, "position": POSITION, "torque": TORQUE}
+    return text_file("a.csv", csv_text(columns))
+
+
+def hdf5_torque(**attributes):
+    """An HDF5 file whose torque has these attributes."""
+
+    def make(folder: Path) -> Path:
+        with h5py.File(folder / "a.h5", "w") as file:
+            file.update({"position": POSITION, "torque": TORQUE, "fs": RATE})
+            file["torque"].attrs.update(attributes)
+        return folder / "a.h5"
+
+    return make
+
+
+def struct(**fields):
+    """A MATLAB file whose position is a struct with these fields."""
+    return lambda folder: _save(folder, {"values": POSITION, **fields})
+
+
+def _save(folder: Path, position) -> Path:
+    scipy.io.savemat(folder / "a.mat", {"Angle": position, "torque": TORQUE, "fs": RATE})
+    return folder / "a.mat"
+
+
+def torque(name: str, *says: str, unit: str | None = None):
+    """A row of a torque under a name that says another unit."""
+    return row(f"torque: {name}", named(torque=name), *says, remedy={"torque_unit": unit})
+
+
+def position(name: str, *says: str, unit: str | None = None):
+    """A row of a position under a name that says another unit."""
+    return row(f"position: {name}", named(position=name), *says, remedy={"position_unit": unit})
+
+
+def scale(wrong: str, make, *says: str, option: str = "torque_unit"):
+    """A row of a scale of which nobody says what it is for."""
+    return row(wrong, make, *says, f"give {option}", remedy={option: None})
+
+
+row = rows_of(read_trial)
+at_1_khz = partial(read_trial, sampling_rate=1000.0)
+in_newton_metres = partial(read_trial, torque_unit="Nm")
+
+ROWS = [
+    torque("torque_ftlb", "(1 lbf·ft = 1.35582 N·m)", unit="lbf·ft"),
+    torque("tq_kgfm", "torque_unit is 'N·m': pass torque_unit='kgf·m'", unit="kgf·m"),
+    torque("Torque [in-lb]", "(1 lbf·in = 0.112985 N·m)", unit="lbf·in"),
+    torque("ankleTorqueNcm", "(1 N·cm = 0.01 N·m)", unit="N·cm"),
+    torque("torque (V)", "is in 'V'", "pass the N·m per volt as torque_unit"),
+    torque("torque [N]", "is in 'N'", "pass the lever arm in m as torque_unit"),
+    torque("moment_Nm_kg", "pass the mass of the body in kg as torque_unit"),
+    torque("moment (Nm/kg)", "is in 'Nm/kg'", "pass the mass of the body"),
+    torque("torque (left)", "is in 'left'", "pass the N·m of 1 in the file as torque_unit"),
+    position("position_turns", "(1 turn = 6.28319 rad)", unit="turn"),
+    position("angle (mrad)", "(1 mrad = 0.001 rad)", unit="mrad"),
+    position("pos_counts", "pass the rad per count as position_unit"),
+    row(
+        "torque: another unit than the one that is given",
+        named(torque="torque_ftlb"),
+        "but torque_unit is 'N·m'",
+        call=in_newton_metres,
+        remedy={"torque_unit": "lbf·ft"},
+    ),
+    row(
+        "an unknown unit",
+        named(),
+        "a.csv: torque_unit must be one of 'N·m', 'mN·m'",
+        "got 'dyn'",
+        call=partial(read_trial, torque_unit="dyn"),
+    ),
+    # scales
+    scale(
+        "hdf5: a gain",
+        hdf5_torque(gain=20.0),
+        "a.h5: the file states gain = 20.0 beside torque, and no convention says what for",
+    ),
+    scale("hdf5: a conversion without a unit", hdf5_torque(conversion=2), "conversion = 2"),
+    scale("hdf5: an offset", hdf5_torque(Offset=0.5), "Offset = 0.5 beside torque"),
+    scale(
+        "mat: a scale in the struct",
+        struct(scale=0.1),
+        "scale = 0.1 beside Angle.values",
+        option="position_unit",
+    ),
+    scale("mat: a gain beside the torque", mat_file(torque_gain=3.0), "gain = 3.0 beside torque"),
+    row(
+        "mat: a unit in the struct",
+        struct(units="mrad"),
+        "Angle.values is in 'mrad'",
+        remedy={"position_unit": "mrad"},
+    ),
+    # times
+    row("Time (s): a gap", timed("Time (s)", LATE), "irregular at sample 151", LEAVE_OUT),
+    row("TIME: a gap", timed("TIME", LATE), "TIME is irregular at sample 151", LEAVE_OUT),
+    row("Zeit [ms]: a gap", timed("Zeit [ms]", 1e3 * LATE), "(0.802 s)", LEAVE_OUT),
+    row("Time (h)", timed("Time (h)", TIME), "in 'h'", "write it in seconds, ms or µs"),
+    row(
+        "a clock: a gap",
+        timed("time", [*CLOCK[:100], *CLOCK[150:], *CLOCK[:50]]),
+        "time is irregular at sample 100",
+    ),
+    row(
+        "a clock: an empty cell",
+        timed("time", [*CLOCK[:7], ":", *CLOCK[8:]]),
+        "time is not finite at sample 7",
+    ),
+    row(
+        "timestamps: another rate is stated",
+        timed("timestamps", TIME),
+        "stated as 1000 Hz, but timestamps runs at 500 Hz",
+        call=at_1_khz,
+        remedy={"sampling_rate": None},
+    ),
+    row(
+        "no times on purpose, and no rate",
+        named(),
+        "there is no sampling rate",
+        call=partial(read_trial, time=None),
+        remedy={"sampling_rate": None},
+    ),
+    row(
+        "a column fs that contradicts the times",
+        text_file("a.csv", csv_text({**SIGNALS, "fs": np.full(300, 1000)})),
+        "stated as 1000 Hz, but time runs at 500 Hz",
+        remedy={"sampling_rate": None},
+    ),
+    row(
+        "a column Fs with one number that contradicts the times",
+        text_file("a.csv", csv_text({**SIGNALS, "Fs": ["250", *[""] * 299]})),
+        "stated as 250 Hz, but time runs at 500 Hz",
+        remedy={"sampling_rate": None},
+    ),
+    row(
+        "a column fs of text",
+        text_file("a.csv", csv_text({**SIGNALS, "fs": ["500 Hz"] * 300})),
+        "fs is 500 Hz, not a number in Hz",
+        remedy={"sampling_rate": None},
+    ),
+    row(
+        "times with a wrong sample",
+        timed("Time_s", changed(TIME, 50, 0.0)),
+        "Time_s is irregular at sample 50",
+        LEAVE_OUT,
+    ),
+]
