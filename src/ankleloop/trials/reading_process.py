@@ -41,7 +41,7 @@ from ankleloop.trials.files import (
 )
 
 TABLES = (".csv", ".csv.gz", ".txt", ".tsv")
-SUFFIXES = (*TABLES, ".mat", ".h5", ".hdf5", ".nc", ".flb")
+SUFFIXES = (*TABLES, ".mat", ".h5", ".hdf5", ".nc", ".flb", ".c3d", ".tdms")
 # Limits of the processor and of memory for a file.
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0
 BYTES, BYTES_PER_BYTE = 1 << 30, 4
@@ -319,6 +319,10 @@ def choose_container(path: Path, case: int | None) -> Callable[[Path], Contents]
         from ankleloop.trials.csv_files import CsvContents
 
         return CsvContents
+    if suffix in (".c3d", ".tdms"):
+        from ankleloop.trials.recorder_files import find_container
+
+        return find_container(path, suffix)
     from ankleloop.trials.binary_files import (
         ClassicNetcdfContents,
         FlbContents,

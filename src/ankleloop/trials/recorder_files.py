@@ -1,0 +1,88 @@
+"""Channels of C3D files (force plates, motion capture) and of TDMS files (LabVIEW), by the libraries of the formats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ankleloop.errors import DataError
+from ankleloop.signals.sampling import rate_of_interval
+from ankleloop.trials.contents import Contents, Variable
+from ankleloop.trials.files import UnreadableError
+
+
+class C3dContents(Contents):
+    """Analog channels of a C3D file, scaled, at the rate of these channels."""
+
+    kind = "channels"
+
+    def __init__(self, path: Path) -> None:
+        import ezc3d
+
+        super().__init__(path)
+        content = ezc3d.c3d(str(path))
+        analog = content["parameters"]["ANALOG"]
+        # The library reads a file that is cut off, and says nothing; its header has the first and the last frame.
+        first, last = np.fromfile(path, "<u2", 2, offset=6).tolist()
+        if content["parameters"]["POINT"]["FRAMES"]["value"][0] < last - first + 1:
+            raise UnreadableError("it ends before its last frame")
+        names = analog["LABELS"]["value"]
+        units = analog["UNITS"]["value"] or [""] * len(names)
+        for name, unit, row in zip(names, units, content["data"]["analogs"][0], strict=True):
+            samples = np.array(row)
+            attributes = {"units": unit.strip()}
+            self.variables.append(Variable(name.strip(), row.shape, samples.view, attributes))
+        self._rate = float(analog["RATE"]["value"][0])
+
+    def attributes(self, owner: str) -> Mapping[str, Any]:
+        """The sampling rate, which belongs to the file."""
+        return {} if owner else {"sampling_rate": self._rate}
+
+
+class TdmsContents(Contents):
+    """Channels of the groups of a TDMS file, scaled, by the names `group/channel`."""
+
+    kind = "channels"
+
+    def __init__(self, path: Path) -> None:
+        import nptdms
+
+        super().__init__(path)
+        intervals = set()
+        self._file = nptdms.TdmsFile.open(path)
+        if self._file.file_status.incomplete_final_segment:
+            raise UnreadableError("its last segment is cut off")
+        for group in self._file.groups():
+            for channel in group.channels():
+                intervals.add(channel.properties.get("wf_increment"))
+                name = f"{group.name}/{channel.name}"
+                attributes = {"units": channel.properties.get("unit_string", "")}
+                read = partial(channel.__getitem__, slice(None))
+                self.variables.append(Variable(name, (len(channel),), read, attributes))
+        self._rates = [rate_of_interval(interval) for interval in intervals if interval]
+        if len(intervals) > 1:  # channels of several rates, or of none that is stated
+            self._rates = []
+
+    def attributes(self, owner: str) -> Mapping[str, Any]:
+        """The sampling rate, where all channels of the file have the same one."""
+        return {} if owner or not self._rates else {"sampling_rate": self._rates[0]}
+
+
+CONTAINERS = {".c3d": ("ezc3d", C3dContents), ".tdms": ("nptdms", TdmsContents)}
+
+
+def find_container(path: Path, suffix: str) -> type[Contents]:
+    """Class that opens a file; its library, which is optional, is imported."""
+    library, container = CONTAINERS[suffix]
+    try:
+        import_module(library)
+    except ImportError:
+        raise DataError(
+            f"{path.name}: {suffix} files are read by the package {library}: install it by: pip install ezc3d npTDMS."
+        ) from None
+    return container
