@@ -85,7 +85,8 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     Examples
     --------
     >>> import tempfile
-    >>>     >>> with tempfile.TemporaryDirectory() as folder:
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "trial.csv"
     ...     _ = path.write_text("t,angle,moment\n0.00,0.0,0\n0.01,0.5,-1\n0.02,0.9,-2\n")
     ...     trial = read_trial(path, position_unit="deg", torque_sign=-1)
