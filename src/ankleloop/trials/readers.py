@@ -26,12 +26,12 @@ LOWEST_JOINT_RATE = 10.0  # Hz: times without a unit that are slower may be in m
 def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     r"""Read a trial from a file.
 
-    The file format follows from the suffix: `.csv`, `.csv.gz`, `.txt`, `.tsv`, `.mat` (v4 to v7.3), `.h5`, `.hdf5`, `.nc`, `.flb`, and
-    with the extra `formats` `.c3d` (its analog channels) and `.tdms`. Nested variables are named `group/position` in
-    HDF5 and NetCDF, `struct.field` in MATLAB files, where columns of tables, properties of objects and channels of the
-    class `nldat` are such fields. The true torques of a simulated trial are read too where the file has them beside the
-    torque. Scale, offset and missing samples are applied as the attributes of the file state them. Another process
-    opens the file, with limits of time and memory.
+    The file format follows from the suffix: `.csv`, `.csv.gz`, `.txt`, `.tsv`, `.mat` (v4 to v7.3), `.h5`, `.hdf5`,
+    `.nc`, `.flb`, and with the extra `formats` `.c3d` (its analog channels) and `.tdms`. Nested variables are named
+    `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files, where columns of tables, properties of objects
+    and channels of the class `nldat` are such fields. The true torques of a simulated trial are read too where the file
+    has them beside the torque. Scale, offset and missing samples are applied as the attributes of the file state them.
+    Another process opens the file, with limits of time and memory.
 
     Parameters
     ----------

@@ -8,8 +8,8 @@ from ankleloop import identify, simulate
 from ankleloop.assessment.bootstrap import block_bootstrap
 from ankleloop.assessment.scores import parameter_row
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.riv.equations import Equations
 from ankleloop.methods.riv.covariance import robust_covariance, time_scores
+from ankleloop.methods.riv.equations import Equations
 from ankleloop.methods.riv.search import solve
 
 NAMES = ("K", "B", "I", "G", "omega_n", "zeta")
