@@ -21,6 +21,7 @@ from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 
+EFFECT_ROUNDS = 3  # fits of the size of an effect
 SIGNIFICANT = 3.5  # standard errors
 CERTAIN = 6.0  # standard errors
 SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
@@ -30,6 +31,7 @@ SMALLEST_PROBABILITY = 1e-300
 EQUAL_SCORE = 0.9  # of the largest score: the record hardly tells the two effects apart
 # s, of a stretch reflex; somewhat longer ones are warned about
 STRETCH_DELAY = (QUANTITIES["delay"].plausible[0], 0.1)
+TOGETHER = "together"  # name of all effects
 START_POLE = 100.0  # rad/s, where the search for a third one begins
 
 
@@ -151,8 +153,14 @@ def find_alternatives(solution: Search) -> list[Alternative]:
         effects.remove("direction")
     if solution.equations.open_loop:
         effects.remove("crosstalk")
-    steps = find_steps(effects, solution, solution.equations)
-    alternatives = _add_further([_free_effect(name, solution, steps[name]) for name in effects])
+    groups = {name: [name] for name in effects} | {TOGETHER: effects}
+    steps = find_steps(groups, solution, solution.equations)
+    together = steps.pop(TOGETHER)
+    alternatives = [_free_effect(name, solution, step) for name, step in steps.items()]
+    if any(each.significant and each.doubtful for each in alternatives):
+        alternatives = _add_further(alternatives)
+    else:
+        alternatives.append(_combine_effects(solution, together))
     if parameters.linear.size > MOTION + 1:
         alternatives.append(_separate_directions(solution))
     is_known = "delay" in parameters.delays or solution.fixed
@@ -183,6 +191,14 @@ def _separate_directions(solution: Search) -> Alternative:
     return Alternative("direction", float(other_gain), float(score), shifts)
 
 
+def _combine_effects(solution: Search, step: Step) -> Alternative:
+    """All effects together, by one step: each may be too small to be seen by itself."""
+    names = np.array(solution.point.names)[solution.free]
+    moved = {name: solution.values[name] + step.move[names == name].item() for name in STIFFNESS}
+    score = normal_score(step.sizes, step.covariance)
+    return Alternative(TOGETHER, step.sizes, score, compute_shifts(solution.values, moved))
+
+
 def _add_further(alternatives: list[Alternative]) -> list[Alternative]:
     """The alternatives, the most significant doubtful one with the one that the record shows beside it."""
     doubtful = [each for each in alternatives if each.significant and each.doubtful]
@@ -190,8 +206,8 @@ def _add_further(alternatives: list[Alternative]) -> list[Alternative]:
         return alternatives
     first = max(doubtful, key=lambda alternative: abs(alternative.score))
     assert first.freed is not None
-    names = [each.effect for each in doubtful if each is not first]
-    steps = find_steps(names, first.freed, first.freed.equations)
+    groups = {each.effect: [each.effect] for each in doubtful if each is not first}
+    steps = find_steps(groups, first.freed, first.freed.equations)
     beside = [_free_effect(name, first.freed, step) for name, step in steps.items()]
     beside = [each for each in beside if each.significant and each.doubtful]
     if not beside:
@@ -209,9 +225,9 @@ def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
         return alternative
     sizes = np.zeros(step.sizes.size)
     freed = solution
-    for number in range(EFFECTS[name].rounds):
+    for number in range(EFFECT_ROUNDS):
         if number:
-            step = find_steps([name], freed, origin)[name]
+            step = find_steps({name: [name]}, freed, origin)[name]
         sizes += step.sizes
         equations = copy(origin)
         equations.torque = origin.torque - sizes @ step.regressors
@@ -245,6 +261,7 @@ class Step(NamedTuple):
 
     sizes: np.ndarray  # shape (q,)
     covariance: np.ndarray  # shape (q, q)
+    move: np.ndarray  # shape (free,): step of the other unknowns
     # Derivatives of the torque with respect to the sizes, measured and predicted, shape (q, F).
     regressors: np.ndarray
     instruments: np.ndarray
@@ -272,41 +289,50 @@ def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Cha
         delay=equations.delay,
         s=band.s,
         transform=band.transform,
-        signals=band.signals,
     )
 
 
-def find_steps(names: Sequence[str], solution: Search, origin: Equations) -> dict[str, Step]:
-    """Steps of the sizes of effects, each by itself, from a solution whose torque may be less the effect so far."""
+def find_steps(
+    groups: Mapping[str, Sequence[str]], solution: Search, origin: Equations
+) -> dict[str, Step]:
+    """Steps of the sizes of groups of effects, each by itself; the torque of the solution may be less some of them."""
     point = solution.point
     free = solution.free
+    names = list(dict.fromkeys(name for group in groups.values() for name in group))
     predicted = _make_channels(point, origin.predicted_inputs, origin.predicted)
     measured = replace(
         _make_channels(point, origin.inputs, origin.measured),
         torque=point.equations.torque,
         recorded=origin.torque,
     )
-    regressors = [EFFECTS[name].rows(measured) for name in names]
-    instruments = [EFFECTS[name].rows(predicted) for name in names]
-    weighted = np.vstack([point.weighted[free], np.vstack(instruments).conj() / point.level])
-    products = np.real(weighted @ np.vstack([point.regressors[free], *regressors]).T)
+    regressors = {name: EFFECTS[name].rows(measured) for name in names}
+    instruments = {name: EFFECTS[name].rows(predicted) for name in names}
+    weighted = np.vstack(
+        [point.weighted[free], np.vstack([*instruments.values()]).conj() / point.level]
+    )
+    products = np.real(weighted @ np.vstack([point.regressors[free], *regressors.values()]).T)
     scatter = point.scatter_of(weighted)
     side = np.real(weighted @ point.residual)
+    owners = np.repeat(names, [len(rows) for rows in regressors.values()])
+    known = slice(free.size)
+    inverse = invert_scaled(products[known, known])
     steps = {}
-    start = free.size
-    for number, name in enumerate(names):
-        stop = start + len(regressors[number])
-        unknowns = [*range(free.size), *range(start, stop)]
-        select = np.ix_(unknowns, unknowns)
-        rows = invert_scaled(products[select])[free.size :]
-        steps[name] = Step(
-            sizes=rows @ side[unknowns],
-            covariance=rows @ scatter[select] @ rows.T,
-            regressors=regressors[number],
-            instruments=instruments[number],
+    for label, group in groups.items():
+        places = free.size + np.flatnonzero(np.isin(owners, group))
+        # What the other unknowns leave of the effects.
+        common = products[places, known] @ inverse
+        own = products[np.ix_(places, places)] - common @ products[known, places]
+        rows = invert_scaled(own) @ np.hstack([-common, np.eye(places.size)])
+        unknowns = np.concatenate([np.arange(free.size), places])
+        sizes = rows @ side[unknowns]
+        steps[label] = Step(
+            sizes=sizes,
+            covariance=rows @ scatter[np.ix_(unknowns, unknowns)] @ rows.T,
+            move=inverse @ (side[known] - products[known, places] @ sizes),
+            regressors=np.vstack([regressors[name] for name in group]),
+            instruments=np.vstack([instruments[name] for name in group]),
             rows=rows,
         )
-        start = stop
     return steps
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import special
 
 from ankleloop.methods.riv.alternatives import SIGNIFICANT, find_steps, is_large, normal_score
-from ankleloop.methods.riv.covariance import parameter_rows, time_scores
+from ankleloop.methods.riv.covariance import parameter_rows
 from ankleloop.methods.riv.search import Search
 from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
@@ -108,10 +108,12 @@ def measure_constancy(solution: Search) -> Constancy:
     """Deviations of the trials, or of the halves of a single one."""
     point = solution.point
     free = solution.free
-    starts, shares = divide([part.samples for part in point.equations.band.parts])
+    band = point.equations.band
+    starts, shares = divide([part.samples for part in band.parts])
+    instruments = point.instruments[free] / point.level
     covariance = point.covariance(free)
     return compare_parts(
-        sums=np.add.reduceat(time_scores(point)[free], starts, axis=1),
+        sums=np.add.reduceat(band.contributions(instruments, point.residual), starts, axis=1),
         shares=shares,
         normal=point.normal[np.ix_(free, free)],
         covariance=covariance,
@@ -124,7 +126,8 @@ def measure_lags(solution: Search) -> Lags:
     point = solution.point
     band = point.equations.band
     starts, shares = divide([part.samples for part in band.parts])
-    step = find_steps(["torque_lag"], solution, point.equations)["torque_lag"]
+    groups = {"torque_lag": ["torque_lag"]}
+    step = find_steps(groups, solution, point.equations)["torque_lag"]
     instruments = np.vstack([point.instruments[solution.free], step.instruments])
     contributions = band.contributions(instruments / point.level, point.residual)
     sums = np.add.reduceat(contributions, starts, axis=1)

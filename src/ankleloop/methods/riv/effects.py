@@ -27,7 +27,6 @@ class Channels:
     delay: float  # of the reflex [s]
     s: np.ndarray  # Laplace variable [rad/s], not zero
     transform: Callable[[np.ndarray], np.ndarray]  # spectra of signals
-    signals: Callable[[np.ndarray], np.ndarray]  # signals of spectra
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,6 @@ class Effect:
     defines: str | None = (
         None  # parameter that is another one with the effect, and not a wrong one without it
     )
-    rounds: int = 3  # fits of its size
 
     def rows(self, channels: Channels) -> np.ndarray:
         """Derivatives of the torque with respect to the sizes, shape (sizes, frequencies)."""
@@ -76,11 +74,6 @@ def _react(channels: Channels) -> np.ndarray:
     return late * channels.motion[0] / (1.0 + REACTION_LAG * channels.s)
 
 
-def _flatten(channels: Channels) -> np.ndarray:
-    """A cube is but the direction of a saturation."""
-    return -channels.transform(channels.signals(channels.recorded) ** 3)
-
-
 def _turn(channels: Channels) -> np.ndarray:
     late = np.exp(-channels.s * channels.delay)
     return channels.response * (channels.rectified - late * channels.motion[1])
@@ -109,13 +102,6 @@ EFFECTS = {
         lambda channels: channels.transform(np.sign(channels.velocity)),
         one_sided=True,
     ),
-    "compression": Effect(
-        lambda size: "a torque that is flat where it is large",
-        "widen the range of the torque sensor",
-        _flatten,
-        one_sided=True,
-        rounds=1,
-    ),
     "bend": Effect(
         _describe_bend,
         "look whether a sensor is at the end of its range; else perturb less",
@@ -137,6 +123,11 @@ EFFECTS = {
         lambda size: f"a crosstalk of the command in the torque of {size:.3g} N·m/rad",
         "separate the cables of the command and of the torque, or their grounds",
         lambda channels: channels.reference,
+    ),
+    "together": Effect(
+        lambda sizes: "a mixture of effects, none of which the record shows by itself,",
+        "look at the range of both sensors, at friction and crosstalk, and at what the subject was told",
+        one_sided=True,
     ),
     "direction": Effect(
         lambda size: f"a reflex gain of {size:.3g} N·m·s/rad in the other direction",
