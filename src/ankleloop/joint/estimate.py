@@ -27,7 +27,7 @@ from ankleloop.subspace.matrices import Matrices
 
 if TYPE_CHECKING:
     from control import StateSpace
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
 
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
 SHOWN_CORRELATION = 0.5
@@ -265,7 +265,9 @@ class Estimate:
     def plot(
         self,
         trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial] | None = None,
-    ) -> Figure:
+        figure: Figure | SubFigure | None = None,
+        window: tuple[float, float] | None = None,
+    ) -> Figure | SubFigure:
         """Plot the torques with the measured one, or the trajectories of a joint that changes.
 
         Parameters
@@ -273,6 +275,10 @@ class Estimate:
         trial : xarray.Dataset or PreparedTrial, or list of those, optional
             The trial. Of a simulated one, the true torques or trajectories are drawn, too. Of merged trials, the list
             of all; the torques of the first one are drawn.
+        figure : matplotlib Figure or SubFigure, optional
+            The figure to draw into; a new one if left out.
+        window : tuple of float, optional
+            Start and end of the torques that are drawn [s]; by default five seconds from 10 s on.
 
         Returns
         -------
@@ -285,6 +291,8 @@ class Estimate:
         ------
         DataError
             Without a trial, for an estimate of a study, which holds no measured torque.
+        ValueError
+            For a window that does not end after it starts.
 
         Examples
         --------
@@ -297,7 +305,25 @@ class Estimate:
         ['measured', 'riv (estimated)', 'true (simulated)']
         """
         # By name: figures stand above estimates, and no job of the workflow depends on them through an estimate.
-        return import_module("ankleloop.plotting.estimates").plot_estimate(self, trial)
+        plotting = import_module("ankleloop.plotting.estimates")
+        return plotting.plot_estimate(self, trial, figure, window)
+
+    def methods_text(self) -> str:
+        """A paragraph for a paper: method, records, rate, delay, intervals, options and version.
+
+        Returns
+        -------
+        str
+
+        Examples
+        --------
+        >>> from ankleloop import identify, simulate
+        >>> text = identify(simulate(seed=1, duration=20.0), "riv", order=3).methods_text()
+        >>> "Options other than the defaults: order = 3." in text
+        True
+        """
+        # By name, as figures: methods stand above estimates.
+        return import_module("ankleloop.methods.description").describe_methods(self)
 
     def __eq__(self, other: object) -> bool:
         """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""

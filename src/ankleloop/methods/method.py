@@ -185,6 +185,7 @@ class Method:
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
         if data_warnings:
             diagnostics["data_warnings"] = data_warnings
+        diagnostics["options"] = chosen.model_dump(exclude_defaults=True)
         if not self.holds_in_closed_loop(chosen):
             diagnostics["holds"] = "in open loop"
         return replace(

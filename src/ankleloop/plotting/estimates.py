@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -77,10 +77,15 @@ def _centre(values: np.ndarray) -> np.ndarray:
     return values - values.mean()
 
 
-def plot_estimate(estimate: Estimate, trial: Trials | None) -> DataFigure:
+def plot_estimate(
+    estimate: Estimate,
+    trial: Trials | None,
+    figure: Any = None,
+    window: tuple[float, float] | None = None,
+) -> Any:
     """Trajectories of an estimate that has them, else its torques; with the true ones of a simulated trial.
 
-    Pyplot knows the figure, so that ``plt.show`` and ``plt.savefig`` find it.
+    Pyplot knows a new figure, so that ``plt.show`` and ``plt.savefig`` find it.
     """
     import matplotlib.pyplot as plt  # here: jobs make figures without it
 
@@ -93,14 +98,27 @@ def plot_estimate(estimate: Estimate, trial: Trials | None) -> DataFigure:
         count = len(split_torques(estimate.torque))
         if count > 1:
             parts.append(f"trial 1 of {count}; VAF of all trials")
-        figure = torque_figure(trial, estimates, title="; ".join(parts))
+        drawn = torque_figure(
+            trial, estimates, title="; ".join(parts), figure=figure, **_find_part(window)
+        )
     else:
         truths = None
         if trial is not None:
             truths = true_trajectories(prepare_trials(trial)[0], estimate.trajectories)
-        figure = trajectories_figure(estimates, truths)
-    plt.figure(figure)
-    return figure
+        drawn = trajectories_figure(estimates, truths, figure=figure)
+    if figure is None:
+        plt.figure(drawn)
+    return drawn
+
+
+def _find_part(window: tuple[float, float] | None) -> dict[str, Any]:
+    """Start and length of a window [s]; none for the usual ones."""
+    if window is None:
+        return {}
+    start, stop = window
+    if not start < stop:
+        raise ValueError(f"window must end after it starts, got {start:g} to {stop:g} s.")
+    return {"start": start, "length": stop - start}
 
 
 def torque_figure(
@@ -111,6 +129,7 @@ def torque_figure(
     length: float = 5.0,
     title: str = "",
     styles: Styles | None = None,
+    figure: Any = None,
 ) -> DataFigure:
     """Measured and estimated torques: a row for net, intrinsic and reflex torque, a column for each method.
 
@@ -131,6 +150,8 @@ def torque_figure(
         Title of the figure.
     styles : dict of str to MethodStyle, optional
         Style of each label; those of the methods in the registry if left out.
+    figure : matplotlib Figure or SubFigure, optional
+        The figure to draw into; a new one if left out.
 
     Returns
     -------
@@ -190,6 +211,7 @@ def torque_figure(
         looks,
         columns=min(PANEL_COLUMNS, len(estimates)),
         height=TORQUE_HEIGHT,
+        figure=figure,
         sharex=True,
     )
     figure.axes[0].set_xlim(first, last)
@@ -218,6 +240,7 @@ def trajectories_figure(
     *,
     variable: str = "",
     styles: Styles | None = None,
+    figure: Any = None,
 ) -> DataFigure:
     """Trajectories with their 95 % bands, and below them the excitation behind each place.
 
@@ -258,6 +281,7 @@ def trajectories_figure(
         {**(styles or estimate_styles(estimates)), TRUTH: TRUE},
         columns=len(names),
         height=0.75 * TRAJECTORY_HEIGHT,
+        figure=figure,
         height_ratios=[2.2, 1.0],
         sharex=True,
     )

@@ -83,15 +83,22 @@ class Panel:
 
 
 def panel_grid(
-    count: int, columns: int, height: float, *, width: float = TWO_COLUMNS, **options: Any
-) -> DataFigure:
-    """Make a figure with panels in rows of a height [mm]; the rest of the last row is empty.
+    count: int,
+    columns: int,
+    height: float,
+    *,
+    width: float = TWO_COLUMNS,
+    figure: Any = None,
+    **options: Any,
+) -> Any:
+    """Make a figure with panels in rows of a height [mm], or fill one; the rest of the last row is empty.
 
     `finish` leaves the labels of a shared axis to the outer panels.
     """
     columns = min(columns, count)
     rows = -(-count // columns)
-    figure = DataFigure(figsize=(width / 25.4, height * rows / 25.4), layout="constrained")
+    if figure is None:
+        figure = DataFigure(figsize=(width / 25.4, height * rows / 25.4), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, **options)
     for axis in axes.flat[count:]:
         axis.remove()
@@ -313,7 +320,8 @@ def add_legend(figure: DataFigure) -> None:
         return
     shown = sorted(lines.values(), key=lambda line: LEGEND_PLACES[line.get_gid()])
     width = LEGEND_LETTER * max(map(len, lines)) + LEGEND_HANDLE
-    columns = max(1, min(len(lines), int(72.0 * figure.get_figwidth() / width)))
+    columns = max(1, min(len(lines), int(72.0 * figure.bbox.width / figure.dpi / width)))
     rows = -(-len(lines) // columns)
-    figure.set_figheight(figure.get_figheight() + LEGEND_ROW / 25.4 * rows)
+    if isinstance(figure, DataFigure):  # the height of another one is its owner's
+        figure.set_figheight(figure.get_figheight() + LEGEND_ROW / 25.4 * rows)
     figure.legend(handles=shown, loc="outside lower center", ncols=columns)

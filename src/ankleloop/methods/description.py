@@ -1,0 +1,61 @@
+"""A paragraph for a paper: by which method, with which options, an estimate was made."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.regressors import split_torques
+
+# What a method is called in a sentence, and where it comes from.
+SOURCES = {
+    "riv": (
+        "refined instrumental variables in continuous time",
+        "Young 2011; Gilson, Garnier, Young and Van den Hof 2011",
+    ),
+    "riv-tv": (
+        "refined instrumental variables with splines of the parameters",
+        "Young 2011; Guarin and Kearney 2017",
+    ),
+    "pr-moesp": ("the subspace method PR-MOESP", "Zhao, Ludvig and Kearney 2008"),
+    "eiv-moesp": ("the subspace method EIV-MOESP", "Chou and Verhaegen 1997"),
+    "pi-moesp": ("the subspace method PI-MOESP", "Verhaegen 1993"),
+    "po-moesp": ("the subspace method PO-MOESP", "Verhaegen 1994"),
+    "moesp": ("the subspace method MOESP", "Verhaegen and Dewilde 1992"),
+    "parallel-cascade": (
+        "the parallel-cascade method",
+        "Kearney, Stein and Parameswaran 1997",
+    ),
+    "real-time": ("the real-time algorithm", "Ludvig and Kearney 2006"),
+}
+INTERVALS = {
+    "asymptotic": "from the asymptotic covariance",
+    "robust": "robust against what the model lacks",
+    "between trials": "from the scatter between the trials",
+}
+
+
+def describe_methods(estimate: Estimate) -> str:
+    """A paragraph that says how an estimate was made."""
+    diagnostics = estimate.diagnostics
+    name, source = SOURCES.get(estimate.method, (estimate.method, "its own package"))
+    parts = split_torques(estimate.torque)
+    duration = sum(part.sizes["time"] for part in parts) / parts[0].attrs["identification_rate"]
+    records = f"{len(parts)} merged trials" if len(parts) > 1 else "one trial"
+    delay = "estimated" if "delay" in estimate.intervals else "assumed"
+    sentences = [
+        f"Intrinsic and reflex stiffness were estimated by {name} ({source}) from {records}, {duration:.0f} s "
+        f"after filters, at {parts[0].attrs['identification_rate']:g} Hz.",
+        f"The reflex delay was {delay} ({1000 * estimate.reflex['delay']:.0f} ms).",
+    ]
+    if "reference" in diagnostics:
+        sentences.append(f"Instruments were made of the variable {diagnostics['reference']}.")
+    kind = diagnostics.get("intervals")
+    if kind in INTERVALS:
+        sentences.append(f"Intervals (95 %) are {INTERVALS[kind]}.")
+    options = diagnostics.get("options", {})
+    if options:
+        listed = ", ".join(f"{option} = {value}" for option, value in options.items())
+        sentences.append(f"Options other than the defaults: {listed}.")
+    sentences.append(f"Software: ankleloop {version('ankleloop')}.")
+    return " ".join(sentences)
