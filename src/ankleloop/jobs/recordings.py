@@ -96,7 +96,8 @@ def _analyse(
     try:
         trials = list(map(files.load_recording, mapping["paths"], mapping["parts"]))
         named = {label: methods[key] for label, key in keys.items()}
-        return write(trials, analyse(trials, files.add_course(named, mapping["parts"][0])))
+        course = files.merge_courses(mapping["parts"])
+        return write(trials, analyse(trials, files.add_course(named, course)))
     except NUMERICAL_ERRORS as error:
         shutil.rmtree(folder / name, ignore_errors=True)
         return write([], files.refuse_recording(error))

@@ -18,6 +18,7 @@ from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import TRIM, Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare, prepare_trials
 from ankleloop.joint.regressors import MEASURED, TORQUES, split_torques
+from ankleloop.joint.time_varying_course import Onsets, split_onsets
 from ankleloop.methods.method import Method, Trial, Validity
 from ankleloop.methods.registry import find_method, identify
 from ankleloop.methods.riv.alternatives import compute_shifts, format_shifts
@@ -187,11 +188,17 @@ def _fit(
     if reason:
         raise DataError(reason)
     first, second = _split_halves(trials)
+    first_onsets, second_onsets = _split_onsets(
+        options.get("cycle_onsets"), len(trials), len(first)
+    )
+    first_options = options
+    if first_onsets is not None:
+        first_options = {**options, "cycle_onsets": first_onsets}
     scores: dict[str, Any] = {"vaf_unseen": np.nan, "selected": ""}
     unseen = []
     chosen: dict[str, Any] = {}
     try:
-        half = _identify(first, method, **selection, **options)
+        half = _identify(first, method, **selection, **first_options)
         if selection["select"]:
             chosen = half.diagnostics["selection"]["chosen"]
         scores["selected"] = ", ".join(f"{name} {value}" for name, value in chosen.items())
@@ -200,8 +207,7 @@ def _fit(
             raise DataError(
                 "the parameters are functions of time, and were fitted before the times of the other half."
             )
-        # Cycles of the other half begin at onsets of the whole recording.
-        prediction = half.predict(second, cycle_onsets=options.get("cycle_onsets"))
+        prediction = half.predict(second, cycle_onsets=second_onsets)
         scores |= _score(second, prediction, {"net": "vaf_unseen"})
         for torque in split_torques(prediction.torque):
             start, end = torque["time"][[0, -1]]
@@ -225,6 +231,14 @@ def _split_halves(trials: list[PreparedTrial]) -> tuple[list[PreparedTrial], lis
     start, end = trials[0].time[[0, -1]]
     half = 0.5 * (start + end)
     return [prepare(segment(trial, start, half))], [prepare(segment(trial, half, end + 1.0))]
+
+
+def _split_onsets(onsets: Onsets, count: int, first: int) -> tuple[Onsets, Onsets]:
+    """Onsets of cycles of both halves of a list of trials; halves of a trial have those of the whole."""
+    if onsets is None or isinstance(onsets, str) or count == 1:
+        return onsets, onsets
+    each = split_onsets(onsets, count)
+    return each[:first], each[first:]
 
 
 def _identify(trials: list[PreparedTrial], method: Method, **options: Any) -> Estimate:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,20 @@ def load_recording(path: PathLike, mapping: RecordingValues) -> xr.Dataset:
             remedy={"stop": None},
         )
     return remove_drift(trial, mapping["drift"]) if mapping.get("drift") else trial
+
+
+def merge_courses(parts: Sequence[RecordingValues]) -> RecordingValues:
+    """What the parameters of a recording are functions of: of merged trials, onsets of cycles for each."""
+    courses = [{name: part.get(name) for name in COURSE} for part in parts]
+    if all(course == courses[0] for course in courses):
+        return courses[0]
+    onsets = [course["cycle_onsets"] for course in courses]
+    if not all(isinstance(times, (list, tuple)) for times in onsets):
+        raise DataError(
+            "cycle_onsets or schedule differ between the trials that are merged: give all rows of a batch the same "
+            "variable, or times of onsets in each of them."
+        )
+    return {"cycle_onsets": onsets}
 
 
 def add_course(
