@@ -38,6 +38,36 @@ FAULTS = {
 }
 
 
+def stretch(trial):
+    position = trial["position"].to_numpy()
+    return position - position.mean()
+
+
+def react(trial, size):
+    """A reaction 160 ms after the movement, through a muscle of 30 ms."""
+    late = np.concatenate([np.zeros(160), stretch(trial)[:-160]])
+    return size * signal.lfilter(*signal.bilinear([1.0], [0.03, 1.0], 1000.0), late)
+
+
+def drag(trial):
+    velocity = np.gradient(trial["position"].to_numpy(), 1e-3)
+    return 0.6 * velocity * np.abs(velocity)
+
+
+JOINTS = {
+    "N·m/rad against it": (lambda trial: react(trial, 60.0), "ask the subject not to intervene"),
+    "N·m/rad with it": (lambda trial: react(trial, -60.0), "ask the subject not to intervene"),
+    "crosstalk of the command in the torque of": (
+        lambda trial: 40.0 * trial["reference"].to_numpy(),
+        "separate the cables",
+    ),
+    "stiffness that grows with the stretch": (
+        lambda trial: 1e5 * stretch(trial) ** 3,
+        "perturb less",
+    ),
+}
+
+
 @pytest.fixture(scope="module")
 def trial():
     return simulate(seed=21)
@@ -52,6 +82,64 @@ def test_what_an_instrument_does_to_a_record_is_a_warning(trial, effect, method,
     assert any(effect in row["effect"] for row in estimate.diagnostics["alternatives"])
     if effect != "in the other direction":  # many effects imitate a reflex that is absent
         assert effect in text
+
+
+@pytest.mark.parametrize(("method", "options"), [("riv", {}), ("riv-tv", CYCLES)])
+@pytest.mark.parametrize("effect", JOINTS)
+def test_an_effect_of_subject_or_joint_is_named_with_its_size_and_shifts(
+    trial, effect, method, options
+):
+    torque, advice = JOINTS[effect]
+    estimate = identify(rebuild(trial, lambda x: x + torque(trial)), method, **options)
+    (text,) = estimate.diagnostics["warnings"]
+    assert effect in text
+    assert advice in text
+    (first, *_) = estimate.diagnostics["alternatives"]
+    assert effect in first["effect"]
+    sizes = {"a reaction": 60.0, "a crosstalk": 40.0}
+    for start, size in sizes.items():
+        if first["effect"].startswith(start):
+            words = first["effect"].replace(" N·m/rad", "").split()
+            stated = words[-1] if start == "a crosstalk" else words[-3]
+            assert float(stated) == pytest.approx(size, rel=0.2)
+    if "reaction" in first["effect"]:
+        latency = float(first["effect"].split(" ms")[0].split()[-1])
+        assert latency == pytest.approx(160.0, abs=20.0)
+    corrected = estimate.stiffness["K"] * (1.0 + first["shifts"]["K"])
+    assert corrected == pytest.approx(150.0, rel=0.1)
+    low, high = estimate.intervals["K"]
+    assert low <= corrected <= high
+
+
+def test_two_effects_at_once_are_both_in_the_diagnostics(trial):
+    torque = 60.0 * trial["reference"].to_numpy() + 1e5 * stretch(trial) ** 3
+    rows = identify(rebuild(trial, lambda x: x + torque), "riv").diagnostics["alternatives"]
+    effects = " ".join(row["effect"] for row in rows)
+    assert "a crosstalk of the command" in effects
+    assert "a stiffness that grows with the stretch" in effects
+
+
+def test_a_viscosity_that_grows_is_told_and_is_no_warning(trial):
+    """B is then that of the velocities of the record, and not a wrong one."""
+    diagnostics = identify(rebuild(trial, lambda x: x + drag(trial)), "riv").diagnostics
+    (first, *_) = diagnostics["alternatives"]
+    assert first["effect"] == "a viscosity that grows with the velocity"
+    assert first["shifts"]["B"] < -0.5
+    assert diagnostics["warnings"] == []
+
+
+def test_effects_of_merged_trials_are_those_of_a_long_one():
+    trials = [simulate(seed=seed, duration=10.0) for seed in range(5)]
+    assert "alternatives" not in identify(trials, "riv").diagnostics
+    crossed = [
+        rebuild(part, lambda x, part=part: x + 40.0 * part["reference"].to_numpy())
+        for part in trials
+    ]
+    for method in ("riv", "riv-tv"):
+        options = {} if method == "riv" else {"cycle_onsets": np.arange(0.0, 11.0)}
+        (text,) = identify(crossed, method, **options).diagnostics["warnings"]
+        assert "crosstalk of the command in the torque of " in text
+        assert float(text.split("torque of ")[1].split()[0]) == pytest.approx(40.0, rel=0.3)
 
 
 @pytest.mark.parametrize("settings", [{}, {"load": (0.1, 10.0, 100.0)}])
