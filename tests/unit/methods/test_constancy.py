@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ankleloop import identify, new_trial, simulate
+from ankleloop import identify, simulate
 from ankleloop.methods.riv.constancy import NAMES, compare_parts, divide
 
 MIDDLE = 25_000  # sample of a record of 50 s

@@ -1,5 +1,7 @@
 """Trials that `riv` and `riv-tv` merge: one estimate, that of a record that consists of all of them."""
 
+import itertools
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -27,7 +29,7 @@ UNEVEN = (0.0, 8.0, 15.0, 25.0, 33.0, 50.0)  # s, where a record is cut
 
 
 def cut(trial, times=UNEVEN):
-    return [segment(trial, start, stop) for start, stop in zip(times, times[1:], strict=False)]
+    return [segment(trial, start, stop) for start, stop in itertools.pairwise(times)]
 
 
 def values_of(estimate):
@@ -198,7 +200,7 @@ def test_the_bootstrap_resamples_each_trial():
     asymptotic = bootstrap.estimate.diagnostics["standard_errors"]
     for name in ("K", "G"):
         assert 0.5 < bootstrap.standard_errors()[name] / asymptotic[name] < 1.8, name
-    with pytest.raises(DataError, match="the shortest trial 2.32 s: less than ten blocks"):
+    with pytest.raises(DataError, match=r"the shortest trial 2.32 s: less than ten blocks"):
         block_bootstrap([trials[0], segment(trials[1], 0.0, 3.0)], "riv", block=2.5)
 
 
