@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from study_jobs import run_recordings_job
 
-from ankleloop import save_trial, simulate
+from ankleloop import load_estimate, save_trial, simulate
 from ankleloop.jobs import recordings as job_of_recordings
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
@@ -106,3 +106,24 @@ def test_mistakes_in_the_program_stop_the_job(run_job, monkeypatch):
     message += r" \(The log"
     with pytest.raises(SystemExit, match=message):
         run_job()
+
+
+def test_rows_of_a_batch_are_one_recording_each_with_its_onsets(tmp_path):
+    onsets = [np.arange(0.1, 14.0, 1.2), np.arange(0.5, 14.0, 1.3)]
+    lines = ["batch,file,cycle_onsets"]
+    for seed, times in enumerate(onsets):
+        save_trial(simulate(seed=seed, duration=14.0), tmp_path / f"{seed}.nc")
+        lines.append(f"walk,{seed}.nc,{' '.join(map(str, times))}")
+    (tmp_path / "table.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    methods = {name: {"method": name} for name in ("riv", "riv-tv")}
+    pages = tmp_path / "pages"
+    run_recordings_job(
+        pages, folder=str(tmp_path), table=str(tmp_path / "table.csv"), methods=methods
+    )
+    table = pd.read_parquet(pages / "table.parquet")
+    assert (table["recording"] == "walk").all()
+    assert table["K"].to_numpy() == pytest.approx(150.0, rel=0.15)
+    estimate = load_estimate(pages / "walk" / "riv-tv.nc")
+    whole = [np.sum((times > 1.13) & (times < 12.87)) - 1 for times in onsets]
+    assert estimate.diagnostics["cycles"] == sum(whole)
+    assert np.unique(estimate.torque["trial"]).tolist() == [1, 2]

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ankleloop import save_trial, simulate
+from ankleloop import DataError, save_trial, simulate
 from ankleloop.config.recording_settings import Recording, read_recordings
 from ankleloop.pages.recordings import draw_figures, render_recording_page
 from ankleloop.recordings.analysis import analyse
-from ankleloop.recordings.files import add_course, check_course, load_recording
+from ankleloop.recordings.files import add_course, check_course, load_recording, merge_courses
 from ankleloop.recordings.recommendation import describe_variations, recommend
 
 CHANGE = {
@@ -206,3 +206,18 @@ def test_a_constant_joint_behind_a_faulty_instrument_is_not_called_changing(faul
     result = analyse(trial, add_course(METHODS, {"cycle_onsets": "phase"}))
     for text in describe_variations(result).values():
         assert text.startswith("No change of") or "So the test decides nothing here." in text
+
+
+def test_onsets_of_each_merged_recording_go_with_its_trial():
+    """Also where the halves of the list are fitted, and predicted."""
+    settings = {"variation": "cycle", "cycle_jitter": 0.05, **CHANGE}
+    trials = [simulate(seed=seed, duration=14.0, **settings) for seed in range(4)]
+    parts = [{"cycle_onsets": onsets_of(trial)} for trial in trials]
+    table = analyse(trials, add_course(METHODS, merge_courses(parts))).table.set_index("label")
+    row = table.loc["changing"]
+    assert row["vaf_unseen"] > table.loc["constant", "vaf_unseen"] + 10.0
+    assert row["vaf_unseen"] == pytest.approx(row["vaf_net"], abs=6.0)
+    assert row["K"] == pytest.approx(150.0, rel=0.1)
+    assert merge_courses([{"cycle_onsets": "phase"}] * 4)["cycle_onsets"] == "phase"
+    with pytest.raises(DataError, match="differ between the trials that are merged"):
+        merge_courses([*parts[:3], {"cycle_onsets": "phase"}])

@@ -5,7 +5,6 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import DataError
-from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.responses import apply_response, fit_finite_response, predict_decimated
 
 
@@ -41,38 +40,3 @@ def test_the_prediction_keeps_the_delay_of_the_signal():
     (prediction,) = predict_decimated([delayed[500:38_500:10]], [source], [grid], 1000.0)
     middle = slice(2000, -3000)
     assert np.std((prediction - delayed + delayed.mean())[middle]) < 0.02 * np.std(delayed)
-
-
-def stack_equations(sources, signals, leads, lags):
-    """Equations between a response and spectra of several records within the pass band, row below row."""
-    matrices = []
-    targets = []
-    for source, signal in zip(sources, signals, strict=True):
-        size = 2 * source.size
-        inside = np.fft.rfftfreq(size) <= PASSBAND
-        spectrum = np.fft.rfft(source - source.mean(), size)[inside]
-        turns = 2j * np.pi * np.fft.rfftfreq(size)[inside]
-        shifts = np.arange(-leads, lags + 1)
-        columns = spectrum[:, None] * np.exp(-np.outer(turns, shifts)) / np.sqrt(size)
-        target = np.fft.rfft(signal - signal.mean(), size)[inside] / np.sqrt(size)
-        matrices += [columns.real, columns.imag]
-        targets += [target.real, target.imag]
-    return np.vstack(matrices), np.concatenate(targets)
-
-
-def test_the_common_response_of_records_is_least_squares_on_all_of_them():
-    """Noise is white here, so that weights hardly matter."""
-    rng = np.random.default_rng(8)
-    truth = np.array([0.3, -0.2, 1.0, 0.5, -0.4, 0.1])
-    sources = []
-    signals = []
-    for size in (300, 500, 300, 400):
-        source = sps.lfilter([1.0], [1.0, -0.5], rng.standard_normal(size))
-        sources.append(source)
-        response = np.convolve(source, truth)[1 : 1 + size]
-        signals.append(response + 2.0 * rng.standard_normal(size))
-    stacked, *_ = np.linalg.lstsq(*stack_equations(sources, signals, 1, 4), rcond=None)
-    common = fit_finite_response(signals, sources, 100.0, leads=0.01, lags=0.04)
-    alone = fit_finite_response(signals[:1], sources[:1], 100.0, leads=0.01, lags=0.04)
-    assert np.linalg.norm(common - stacked) < 0.2 * np.linalg.norm(stacked - truth)
-    assert np.linalg.norm(common - stacked) < 0.1 * np.linalg.norm(alone - stacked)
