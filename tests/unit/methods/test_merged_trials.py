@@ -232,3 +232,5 @@ def test_movements_of_three_seconds_are_one_course_over_their_time():
     assert estimate.predict(movements) == estimate
     with pytest.raises(DataError, match="riv-tv needs 2 s: record longer"):
         identify([*movements[:8], segment(movements[8], 0.0, 2.5)], "riv-tv")
+    with pytest.raises(DataError, match=r"7 whole seconds of the 7 trials .* take more trials"):
+        identify(movements[:7], "riv-tv")
