@@ -121,7 +121,6 @@ def test_rows_of_a_batch_are_one_recording_each_with_its_onsets(tmp_path):
         pages, folder=str(tmp_path), table=str(tmp_path / "table.csv"), methods=methods
     )
     table = pd.read_parquet(pages / "table.parquet")
-    assert (table["recording"] == "walk").all()
     assert table["K"].to_numpy() == pytest.approx(150.0, rel=0.15)
     estimate = load_estimate(pages / "walk" / "riv-tv.nc")
     whole = [np.sum((times > 1.13) & (times < 12.87)) - 1 for times in onsets]
