@@ -113,7 +113,21 @@ class TimeVaryingEquations:
 
         Shapes: signals (..., N); returns (..., frequencies).
         """
-        return self.transform.spectra(self.repeated.deviation(signals))
+        return self.transform.spectra(self._centre(self.repeated.deviation(signals)))
+
+    def _centre(self, signals: np.ndarray) -> np.ndarray:
+        """Signals less the mean of each of several trials; that of a single one is among what changes slowly."""
+        parts = self.course.parts
+        if len(parts) == 1:
+            return signals
+        means = np.empty_like(signals)
+        start = 0
+        for part in parts:
+            stop = start + part.place.size
+            trial = signals[..., start:stop]
+            means[..., start:stop] = trial[..., part.rows].mean(axis=-1, keepdims=True)
+            start = stop
+        return signals - means
 
     def _make_inputs(self, motion: Motion) -> Inputs:
         """Inputs that a motion makes."""

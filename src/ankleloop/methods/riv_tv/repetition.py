@@ -13,6 +13,8 @@ from ankleloop.joint.time_varying_course import Course, Splines
 from ankleloop.methods.riv_tv.whitening import DEPENDENT_SPLINES, PaddedTransform, Weighting
 
 MEAN_SPLINES = 24  # of what repeats with the cycle, or changes slowly
+FEWEST_SPLINES = 5
+SPLINE_DISTANCE = 0.25  # s, between those over time
 EVERY = slice(0, None)  # sample of a signal
 DEPENDENT_DIRECTIONS = 1e-12  # of the largest eigenvalue
 
@@ -62,7 +64,12 @@ class SmoothPart:
     @classmethod
     def of(cls, course: Course, transform: PaddedTransform) -> Self:
         """That of a record."""
-        splines = Splines(MEAN_SPLINES, course.periodic)(course.place).T
+        count = MEAN_SPLINES
+        if course.dimension == "time":
+            low, high = course.limits
+            # More would follow the mean perturbation of short trials, which filters change.
+            count = min(count, max(FEWEST_SPLINES, round((high - low) / SPLINE_DISTANCE)))
+        splines = Splines(count, course.periodic)(course.place).T
         fit = linalg.pinv(splines[:, course.rows], rtol=DEPENDENT_SPLINES)
         return cls(course.rows, splines, fit, transform)
 

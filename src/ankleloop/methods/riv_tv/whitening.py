@@ -120,7 +120,21 @@ class NoiseModel:
         Shapes: power (frequencies,), level (rows,).
         """
         weight = np.where(self.inside, 1.0 / np.sqrt(power), 0.0)
-        return lambda spectra: self.transform.signals(weight * spectra)[..., self.rows] / level
+
+        def whiten(spectra: np.ndarray) -> np.ndarray:
+            """Weights reach far: what the ends of short trials leave must not come into the samples that count."""
+            if len(self.band.parts) > 1:
+                spectra = self._clear_ends(spectra)
+            return self.transform.signals(weight * spectra)[..., self.rows] / level
+
+        return whiten
+
+    def _clear_ends(self, spectra: np.ndarray) -> np.ndarray:
+        """Spectra of signals that are zero beyond the samples that count."""
+        signals = self.transform.signals(spectra)
+        cleared = np.zeros_like(signals)
+        cleared[..., self.rows] = signals[..., self.rows]
+        return self.transform.spectra(cleared)
 
     def colour(self, signals: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Whitened signals with the spectrum of a whitened residual over its mean, shape (..., rows).
