@@ -20,6 +20,7 @@ from ankleloop.plotting.style import (
     method_styles,
 )
 from ankleloop.quantities import QUANTITIES
+from ankleloop.recordings.comparison import select_rows
 
 if TYPE_CHECKING:
     from ankleloop.assessment.residuals import ResidualTest
@@ -32,6 +33,9 @@ MARGIN = 0.08  # of the range of the values that are shown, at either side
 FREQUENCY = "frequency [Hz]"
 PER_SAMPLE = {"ls": "", "marker": ".", "ms": 2.5, "mew": 0.0}  # look of a reflex response
 SIGNAL = MethodStyle("#444444", "")
+SUBJECT = MethodStyle("#999999", "o", more={"lw": 0.7, "ms": 2.5})
+MEAN = MethodStyle("#1B1044", "D")
+MEAN_SERIES = "mean over subjects"
 SPECTRUM_STYLES = {
     "position": SIGNAL,
     "torque": SIGNAL,
@@ -187,3 +191,58 @@ def _name_recording(row: pd.Series) -> str:
     known = row.reindex(["subject", "condition"]).fillna("").astype(str)
     group = ", ".join(text for text in known if text not in ("", "–"))
     return f"{row['recording']} ({group})" if group else str(row["recording"])
+
+
+def comparison_figure(
+    table: pd.DataFrame,
+    comparison: pd.DataFrame,
+    condition: str = "condition",
+    within: str = "subject",
+) -> DataFigure:
+    """Parameters against the condition: a line for each subject, and the mean over subjects with its 95 % interval.
+
+    Conditions that are all numbers have their places on the axis, others are side by side.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        A row for each recording.
+    comparison : pandas.DataFrame
+        What `ankleloop.compare` makes of it.
+    condition, within : str
+        Columns of the conditions and of the subjects.
+
+    Returns
+    -------
+    DataFigure
+
+    Examples
+    --------
+    >>> from ankleloop import compare
+    >>> table = pd.DataFrame({"subject": list("abab"), "condition": [0, 0, 10, 10], "K": [90.0, 110.0, 130.0, 152.0]})
+    >>> figure = comparison_figure(table, compare(table))
+    >>> figure.axes[0].get_ylabel(), len(figure.axes[0].lines)
+    ('K [N·m/rad]', 3)
+    """
+    means = comparison[comparison["kind"] == "mean"]
+    conditions = means["condition"].unique()
+    is_numeric = pd.api.types.is_numeric_dtype(means["condition"])
+    x = conditions if is_numeric else np.arange(len(conditions))
+    used = select_rows(table, [condition, within])
+    parts = []
+    panels = {}
+    styles = {MEAN_SERIES: MEAN}
+    for name, rows in means.groupby("parameter", sort=False):
+        panels[name] = Panel(QUANTITIES[name].label, xlabel=condition)
+        values = used.pivot_table(name, condition, within, observed=True).reindex(conditions)
+        for subject in values:
+            series = f"{within} {subject}"
+            styles[series] = SUBJECT
+            parts.append(curve(name, f"_{series}", x, values[subject].to_numpy()))
+        ends = rows[["low", "high"]].to_numpy().T
+        mean = rows["value"].to_numpy()
+        parts.append(curve(name, MEAN_SERIES, x, mean, low=ends[0], high=ends[1]))
+    figure = draw_panels(pd.concat(parts), panels, styles, columns=2)
+    for axis in figure.axes:
+        axis.set_xticks(x, list(map(str, conditions)))
+    return finish(figure)

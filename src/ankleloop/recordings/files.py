@@ -24,6 +24,7 @@ from ankleloop.recordings.analysis import (
     refused_analysis,
 )
 from ankleloop.recordings.checks import Check, CheckOptions, Finding
+from ankleloop.recordings.labels import GROUPS
 from ankleloop.recordings.recommendation import recommend
 from ankleloop.trials.files import PathLike, write_csv
 from ankleloop.trials.readers import read_trial
@@ -31,7 +32,6 @@ from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.trial import remove_drift, segment
 
 SUFFIXES = (".nc", ".mat", ".csv")
-GROUPS = ("subject", "condition", "trial")
 
 # Options that say what parameters are functions of.
 COURSE = ("cycle_onsets", "schedule")

@@ -1,0 +1,127 @@
+"""One function for many items, in processes side by side, which a script and a notebook need not prepare for.
+
+Where processes can be forked safely (Linux), they are forks of this one after its imports. Elsewhere they are
+interpreters of their own: a pool that starts processes anew would run the script of its user again in each of them.
+"""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection, Pipe
+from pathlib import Path
+from typing import Any
+
+from ankleloop.errors import ResourceError
+
+IS_FORKED = sys.platform == "linux"
+PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.recordings.processes import main; main()"
+KILLED = (
+    "the process of the analysis was killed: most often memory was short; free memory, take fewer processes at a time, "
+    "or a shorter part of the recording (start, stop)."
+)
+
+NEW_OBJECTS = 50_000  # after which a fork searches for cycles
+SHORTER = {"start": None, "stop": None}  # options that take a shorter part
+
+Function = Callable[[Any], Any]
+
+_task: tuple[Function, Sequence[Any]]  # of a forked process: a function and all its items
+
+
+def run_each(function: Function, items: Sequence[Any], jobs: int = 1) -> Iterator[Any]:
+    """Results of a function of each of some items, in their order, from so many processes side by side.
+
+    Function, items and results have to be such that another interpreter can be given them; forks need this of the
+    results only. The system may kill a process, which says nothing about its item: that is a `ResourceError`.
+    """
+    count = max(1, min(jobs, len(items)))
+    if IS_FORKED:
+        return _run_forks(function, items, count)
+    if count == 1:
+        return map(function, items)
+    return _run_interpreters(function, items, count)
+
+
+def _run_forks(function: Function, items: Sequence[Any], count: int) -> Iterator[Any]:
+    """Results from forks of this process."""
+    pool = ProcessPoolExecutor(
+        count,
+        mp_context=multiprocessing.get_context("fork"),
+        initializer=_begin,
+        initargs=(function, items),
+    )
+    try:
+        for future in [pool.submit(_run_item, number) for number in range(len(items))]:
+            yield future.result()
+    except BrokenProcessPool:
+        raise ResourceError(KILLED, remedy=SHORTER) from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin(function: Function, items: Sequence[Any]) -> None:
+    """Keep what a fork is for, and end it where its parent is killed, which cannot say so."""
+    global _task
+    _task = (function, items)
+    # Modules of the parent stay, and figures are many small objects: to search them all for cycles takes an eighth of
+    # the time.
+    gc.freeze()
+    gc.set_threshold(NEW_OBJECTS)
+    parent: Any = multiprocessing.parent_process()
+    threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+
+
+def _run_item(number: int) -> Any:
+    """Result of an item in a fork."""
+    function, items = _task
+    return function(items[number])
+
+
+def _run_interpreters(function: Function, items: Sequence[Any], count: int) -> Iterator[Any]:
+    """Results from interpreters of their own, which take the items in turn."""
+    started = [_start_interpreter(function, items[first::count]) for first in range(count)]
+    try:
+        for number in range(len(items)):
+            result, error = started[number % count][1].recv()
+            if error is not None:
+                raise error
+            yield result
+    except EOFError:
+        raise ResourceError(KILLED, remedy=SHORTER) from None
+    finally:
+        for process, _ in started:
+            process.kill()
+            process.wait()
+
+
+def _start_interpreter(
+    function: Function, items: Sequence[Any]
+) -> tuple[subprocess.Popen[bytes], Connection]:
+    """Start an interpreter that runs a function for some items, and the pipe from it."""
+    pipe, end = Pipe()
+    package_folder = str(Path(__file__).parents[2])
+    # -P: files of the current folder that have the name of a module are not imported.
+    command = [sys.executable, "-P", "-c", PROGRAM, package_folder, str(end.fileno())]
+    with end:
+        process = subprocess.Popen(command, pass_fds=[end.fileno()])
+    pipe.send((function, items))
+    return process, pipe
+
+
+def main() -> None:
+    """Run a function for each item that came through the pipe, in an interpreter of its own."""
+    pipe = Connection(int(sys.argv[2]))
+    function, items = pipe.recv()
+    for item in items:
+        try:
+            pipe.send((function(item), None))
+        except Exception as error:
+            pipe.send((None, error))
