@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args
@@ -20,16 +21,19 @@ from ankleloop.config.checking import ConfigError, check
 from ankleloop.config.recording_settings import Recording
 from ankleloop.config.settings import RecordingsStudy
 from ankleloop.config.study import RecordedStudy
-from ankleloop.jobs.recordings import analyse_recordings
+from ankleloop.jobs.recordings import analyse_recording
 from ankleloop.methods.registry import METHODS, find_method
-from ankleloop.plotting.recordings import recordings_figure
+from ankleloop.plotting.recordings import comparison_figure, recordings_figure
 from ankleloop.plotting.style import save_figure
+from ankleloop.recordings.comparison import compare, describe_differences, select_comparable
 from ankleloop.recordings.files import SUFFIXES
+from ankleloop.recordings.processes import run_each
 from ankleloop.recordings.recommendation import PARAMETERS, format_parameters
 from ankleloop.recordings.validity import usual_methods
 from ankleloop.trials.files import write_csv
 
 TABLE, FIGURE = "recordings.csv", "recordings-figure"  # of several recordings
+COMPARISON, COMPARISON_FIGURE = "comparison.csv", "comparison-figure"  # of conditions
 
 
 def make_study(
@@ -110,24 +114,41 @@ def refuse_results(folder: Path, names: Collection[str]) -> None:
             refuse_existing([folder / other, folder / table])
 
 
-def identify_recording(study: RecordedStudy, folder: Path) -> pd.DataFrame:
-    """Analyse the recording of a study, and write its results into a folder; its table."""
-    (name,) = study.points
+def identify_recordings(
+    studies: Sequence[RecordedStudy], folder: Path, jobs: int
+) -> Iterator[pd.DataFrame]:
+    """Analyse the recording of each study, so many side by side; their tables. Their results go into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     # In the same folder, so that what is complete only takes its name there.
     with tempfile.TemporaryDirectory(prefix=".ankleloop-", dir=folder) as temporary:
-        ((_, table),) = analyse_recordings(folder=Path(temporary), **study.analysis(0))
-        write_csv(table, Path(temporary, f"{name}-parameters.csv"))
-        for earlier in (folder / name).glob("*"):
-            if earlier.suffix in SUFFIXES and (
-                earlier.stem in {*METHODS, *study.methods} or earlier.stem.startswith("figure-")
-            ):
-                earlier.unlink()
-        for result in filter(Path.is_file, Path(temporary).rglob("*")):
-            target = folder / result.relative_to(temporary)
-            target.parent.mkdir(exist_ok=True)
-            os.replace(result, target)
+        analyse = partial(_analyse_study, folder=Path(temporary))
+        for study, table in zip(studies, run_each(analyse, studies, jobs), strict=True):
+            _replace_results(study, Path(temporary, study.name), folder)
+            yield table
+
+
+def _analyse_study(study: RecordedStudy, folder: Path) -> pd.DataFrame:
+    """Table of the recording of a study; its results are written into a folder of its name."""
+    arguments = study.analysis(0)
+    (recording,) = arguments.pop("recordings").items()
+    results = folder / study.name
+    results.mkdir()
+    table = analyse_recording(recording, folder=results, **arguments)
+    write_csv(table, results / f"{study.name}-parameters.csv")
     return table
+
+
+def _replace_results(study: RecordedStudy, results: Path, folder: Path) -> None:
+    """Move the results of a recording to their place, and remove those of an earlier run."""
+    for earlier in (folder / study.name).glob("*"):
+        if earlier.suffix in SUFFIXES and (
+            earlier.stem in {*METHODS, *study.methods} or earlier.stem.startswith("figure-")
+        ):
+            earlier.unlink()
+    for result in filter(Path.is_file, results.rglob("*")):
+        target = folder / result.relative_to(results)
+        target.parent.mkdir(exist_ok=True)
+        os.replace(result, target)
 
 
 def show_results(table: pd.DataFrame, folder: Path) -> None:
@@ -176,6 +197,14 @@ def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
     save_figure(recordings_figure(recommended, names), folder / FIGURE, overwrite=True)
     picture = folder / f"{FIGURE}.png"
     echo(f"recommended methods  {picture}")
+    comparable = select_comparable(table)
+    if comparable is not None:
+        comparison = compare(comparable)
+        write_csv(comparison, folder / COMPARISON, overwrite=True)
+        figure = comparison_figure(comparable, comparison)
+        save_figure(figure, folder / COMPARISON_FIGURE, overwrite=True)
+        echo(f"conditions           {folder / COMPARISON}, {folder / COMPARISON_FIGURE}.png")
+        echo(f"\n{describe_differences(comparison)}")
     return picture
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import click
 
+from ankleloop.command_line.naming import names_option, read_names
 from ankleloop.command_line.reading import (
     FILE,
     FOLDER,
@@ -18,13 +20,14 @@ from ankleloop.command_line.reading import (
     reading_options,
 )
 from ankleloop.command_line.terminal import echo, show_correction, show_next, show_progress
-from ankleloop.config.recording_settings import name_trials
+from ankleloop.config.recording_settings import Recording, name_trials
 from ankleloop.errors import DataError
 
 EPILOG = """\b
 Examples:
   ankleloop identify *.mat --torque-sign -1 --output results
   ankleloop identify S1.csv --position angle --torque moment --position-unit deg --delay estimate
+  ankleloop identify *.mat --names '{subject}_{condition}'
   ankleloop identify S1.h5 --method riv --method pi-moesp --option riv.order=3
 
 \b
@@ -34,10 +37,12 @@ Results, in the folder of --output:
   NAME/METHOD.nc, .mat, .csv    the estimate with its model, and a table of its torques
   NAME/figure-*.csv             the numbers that the figures of the page draw
   recordings.csv, recordings-figure.png   of several files: all rows in one table; a figure of the recommended methods
+  comparison.csv, comparison-figure.png   of several subjects and conditions: differences within subjects, and a figure
 """
 RESULTS = "Folder of the results.  [default: FILE-results, of several files ankleloop-results]"
 CHOICE = "Method to fit, several times for several.  [default: all that are valid]"
 DELAY = "Reflex delay of every method [s]; `estimate` for the methods that can.  [default: that of each method]"
+JOBS = "Files that are identified side by side.  [default: as many as there are processors]"
 OPTION = "Option of a method, as riv.order=3; without METHOD of every method that has it. Several times for several."
 
 
@@ -73,8 +78,10 @@ class OfferedMethod(click.ParamType):
 @click.option("--output", type=FOLDER, help=RESULTS)
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
 @click.option("--method", "methods", type=OfferedMethod(), multiple=True, help=CHOICE)
+@click.option("--jobs", type=click.IntRange(min=1), metavar="N", help=JOBS)
 @click.option("--delay", metavar="S|estimate", help=DELAY)
 @click.option("--option", "options", multiple=True, metavar="[METHOD.]NAME=VALUE", help=OPTION)
+@names_option
 @reading_options
 @click.pass_context
 def identify(
@@ -83,8 +90,10 @@ def identify(
     output: Path | None,
     overwrite: bool,
     methods: tuple[str, ...],
+    jobs: int | None,
     delay: str | None,
     options: tuple[str, ...],
+    names: str | None,
     **values: Any,
 ) -> int:
     """Identify recordings: checks, every method that is valid, pages, one table and the estimates.
@@ -102,17 +111,10 @@ def identify(
     paths = name_recordings(files)
     if not overwrite:
         analysis.refuse_results(folder, paths)
-    recordings = {}  # and their files
-    for name, path in paths.items():
-        try:
-            trials = map_trials(path, **values)
-        except DataError:  # its page says why
-            trials = [parse_reading(path, **values)]
-        for trial, recording in name_trials(name, trials).items():
-            recordings[trial] = (recording, path)
+    recordings = _map_recordings(paths, names, values)
     several = len(recordings) > 1
     studies = [
-        (analysis.make_study(name, path, recording, methods, fields), path)
+        analysis.make_study(name, path, recording, methods, fields)
         for name, (recording, path) in recordings.items()
     ]
     with ExitStack() as claims:
@@ -122,23 +124,50 @@ def identify(
             not overwrite
         ):  # also those of each trial of a file, and what others have written meanwhile
             analysis.refuse_results(folder, recordings)
+        if not several:
+            claims.enter_context(show_progress())
         tables = []
-        for number, (study, path) in enumerate(studies, 1):
+        analysed = analysis.identify_recordings(studies, folder, jobs or os.cpu_count() or 1)
+        for (name, (_, path)), table in zip(recordings.items(), analysed, strict=True):
+            tables.append(table)
             if several:
-                echo(f"recording {number} of {len(studies)}: {study.name} ({path})", err=True)
-            with show_progress():
-                table = analysis.identify_recording(study, folder)
-            if several:
+                echo(f"recording {len(tables)} of {len(studies)}: {name} ({path})", err=True)
                 analysis.show_verdict(table)
             else:
                 analysis.show_results(table, folder)
             others = {str(file) for file in files if file != path}
             words = [word for word in context.obj if word not in others]
             show_correction(table.attrs["remedy"], words)
-            tables.append(table)
-        page = analysis.write_summary(tables, folder) if several else folder / f"{study.name}.html"
+        page = analysis.write_summary(tables, folder) if several else folder / f"{name}.html"
     show_next(f"open {page}")
+    if names is None:
+        _suggest_names(files)
     return int(not all(table["valid"].any() for table in tables))
+
+
+def _map_recordings(
+    paths: Mapping[str, Path], names: str | None, values: Mapping[str, Any]
+) -> dict[str, tuple[Recording, Path]]:
+    """Recordings with their files, by name."""
+    recordings = {}
+    for name, path in paths.items():
+        stated = {**values, **read_names(path, names)}
+        try:
+            trials = map_trials(path, **stated)
+        except DataError:  # its page says why
+            trials = [parse_reading(path, **stated)]
+        for trial, recording in name_trials(name, trials).items():
+            recordings[trial] = (recording, path)
+    return recordings
+
+
+def _suggest_names(files: Iterable[Path]) -> None:
+    """Show the option that takes labels from the names of the files, if they suggest one."""
+    from ankleloop.recordings.labels import suggest_names
+
+    names = suggest_names(files)
+    if names:
+        show_next(f"compare conditions: --names '{names}', which the names of the files suggest")
 
 
 def _parse_options(texts: Iterable[str]) -> dict[str, Any]:

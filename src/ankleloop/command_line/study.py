@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from ankleloop.command_line.check import check_file
+from ankleloop.command_line.naming import names_option, read_names
 from ankleloop.command_line.reading import (
     FILE,
     list_choices,
@@ -36,7 +37,7 @@ HEADER = """\
 EPILOG = """\b
 Examples:
   ankleloop study my-recordings.yaml S1.mat S2.mat
-  ankleloop study my-recordings.yaml data/*.csv --position-unit deg --subject S1
+  ankleloop study my-recordings.yaml data/*.csv --position-unit deg --names '{subject}_{condition}'
   ankleloop study my-sweep.yaml --sweep reflex_gain --sweep voluntary
 """
 
@@ -52,9 +53,15 @@ Examples:
     help="Setting of the simulation that varies.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace the file NEW.yaml.")
+@names_option
 @reading_options
 def study(
-    new: Path, files: tuple[Path, ...], varied: tuple[str, ...], overwrite: bool, **values: Any
+    new: Path,
+    files: tuple[Path, ...],
+    varied: tuple[str, ...],
+    overwrite: bool,
+    names: str | None,
+    **values: Any,
 ) -> int:
     """Write a configuration of a study, for the workflow.
 
@@ -77,7 +84,7 @@ def study(
     # The only study of a file has the name of the file, so that no other study has its results.
     name = name_recording(new).replace(".", "-")
     settings, remarks = (
-        _describe_recordings(files, values) if files else (_describe_sweep(varied), [])
+        _describe_recordings(files, names, values) if files else (_describe_sweep(varied), [])
     )
     config = {"run": [name], "article": [], "studies": {name: settings}}
     try:
@@ -96,7 +103,9 @@ def study(
     return 0
 
 
-def _describe_recordings(files: Sequence[Path], values: Values) -> tuple[Values, list[str]]:
+def _describe_recordings(
+    files: Sequence[Path], names: str | None, values: Values
+) -> tuple[Values, list[str]]:
     """Settings of a study of recordings, each of which is read and checked, and what was found."""
     from ankleloop.recordings.validity import usual_methods
 
@@ -107,7 +116,9 @@ def _describe_recordings(files: Sequence[Path], values: Values) -> tuple[Values,
     trials = [
         (name, file, recording)
         for stem, file in name_recordings(files).items()
-        for name, recording in name_trials(stem, map_trials(file, **values)).items()
+        for name, recording in name_trials(
+            stem, map_trials(file, **{**values, **read_names(file, names)})
+        ).items()
     ]
     for name, file, recording in trials:
         _, check = check_file(file, recording)
@@ -126,6 +137,8 @@ def _describe_recordings(files: Sequence[Path], values: Values) -> tuple[Values,
             **recording.model_dump(mode="json", include=ALWAYS),
             **recording.model_dump(mode="json", exclude_defaults=True, exclude={"file"}),
         }
+    if names is None:
+        remarks += _suggest_labels(files)
     changing = any(recording.changes for recording in recordings)
     methods: Values = {}
     # Those with a reference first.
@@ -144,6 +157,17 @@ def _describe_recordings(files: Sequence[Path], values: Values) -> tuple[Values,
         "methods": methods,
     }
     return settings, remarks
+
+
+def _suggest_labels(files: Sequence[Path]) -> list[str]:
+    """What the names of the files suggest, and the option that takes it."""
+    from ankleloop.recordings.labels import read_labels, suggest_names
+
+    names = suggest_names(files)
+    if names is None:
+        return []
+    labels = [f"{file.name}: {read_labels(file, names)}" for file in files]
+    return [f"The names suggest labels, which --names '{names}' would write:", *labels]
 
 
 def _describe_sweep(varied: Sequence[str]) -> Values:

@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 import logging
-import multiprocessing
-import os
 import shutil
-import sys
-import threading
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,10 +12,11 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from ankleloop.errors import NUMERICAL_ERRORS, ResourceError, locate_errors
+from ankleloop.errors import NUMERICAL_ERRORS, locate_errors
 from ankleloop.pages.recordings import draw_figures, render_recording_page
 from ankleloop.recordings import files
 from ankleloop.recordings.analysis import Analysis, analyse
+from ankleloop.recordings.processes import run_each
 from ankleloop.trials.files import atomic_file, write_csv
 
 log = logging.getLogger(__name__)
@@ -43,41 +38,25 @@ def analyse_recordings(
     analysed in a child process, which the system may kill: that says nothing of the recording, so it is an error, and
     the same command tries again. Other systems than Linux cannot fork a process safely: there this one analyses them.
     """
-    analyse_one = partial(_analyse, methods=methods, folder=folder, window=window, index=index)
-    if sys.platform != "linux":
-        for name, mapping in recordings.items():
-            yield name, analyse_one(name, mapping)
-        return
-    context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(1, mp_context=context, initializer=_end_with_parent) as pool:
-        for name, mapping in recordings.items():
-            with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
-                try:
-                    table = pool.submit(analyse_one, name, mapping).result()
-                except BrokenProcessPool:
-                    raise ResourceError(
-                        "the process of the analysis was killed: most often memory was short; free memory, or take a "
-                        "shorter part of the recording (start, stop).",
-                        remedy={"start": None, "stop": None},
-                    ) from None
-            yield name, table
+    analyse_one = partial(
+        analyse_recording, methods=methods, folder=folder, window=window, index=index
+    )
+    tables = run_each(analyse_one, list(recordings.items()))
+    for name, mapping in recordings.items():
+        with locate_errors(f"recording {name}, {', '.join(map(str, mapping['paths']))}"):
+            table = next(tables)
+        yield name, table
 
 
-def _end_with_parent() -> None:
-    """End this process where its parent is killed, which cannot say so."""
-    parent: Any = multiprocessing.parent_process()
-    threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
-
-
-def _analyse(
-    name: str,
-    mapping: Mapping[str, Any],
+def analyse_recording(
+    recording: tuple[str, Mapping[str, Any]],
     methods: Mappings,
     folder: Path,
     window: Mapping[str, Any],
-    index: str | None,
+    index: str | None = None,
 ) -> pd.DataFrame:
-    """Table of a recording; its page and its estimates are written."""
+    """Table of a recording, given by its name and mapping; its page and its estimates are written."""
+    name, mapping = recording
     keys = {method["label"] or key: key for key, method in methods.items()}
 
     def write(trials: Sequence[xr.Dataset], analysis: Analysis) -> pd.DataFrame:

@@ -7,6 +7,7 @@ import shlex
 import signal
 import subprocess
 import sys
+from itertools import product
 from multiprocessing import get_context
 
 import pandas as pd
@@ -16,7 +17,7 @@ from study_jobs import run_recordings_job
 
 from ankleloop import identify, load_estimate, plan_duration, save_trial, simulate
 from ankleloop.command_line import analysis
-from ankleloop.command_line.analysis import identify_recording, make_study
+from ankleloop.command_line.analysis import identify_recordings, make_study
 from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.reading import map_file
 from ankleloop.command_line.terminal import show_progress
@@ -190,12 +191,12 @@ def test_of_two_commands_with_the_same_results_one_is_refused(
     options = ("--method", "pr-moesp", "--output", tmp_path / "results")
     second = []
 
-    def identify_twice(study, folder):
+    def identify_twice(studies, folder, jobs):
         if not second:
             second.append(run("identify", other, *options, "--overwrite"))
-        return identify_recording(study, folder)
+        return identify_recordings(studies, folder, jobs)
 
-    monkeypatch.setattr(analysis, "identify_recording", identify_twice)
+    monkeypatch.setattr(analysis, "identify_recordings", identify_twice)
     assert run("identify", recording, *options).status == 0
     assert second[0].status == 2
     assert "another command is writing the results of S1-pre" in second[0].err
@@ -242,6 +243,52 @@ def test_identify_several_files(run, trial, tmp_path):
     result = run("identify", tmp_path / "S0.mat", *files, *options)
     assert (result.status, result.out) == (2, "")
     assert contents(tmp_path) == before
+
+
+def test_identify_answers_how_conditions_differ(run, tmp_path):
+    """Labels come from the names of the files, and the last line of the output is the answer."""
+    for seed, (subject, condition) in enumerate(product("AB", ("10MVC", "rest"))):
+        trial = simulate(
+            seed=seed, duration=20.0, stiffness=150.0 if condition == "10MVC" else 110.0
+        )
+        write_recording(trial, tmp_path / f"{subject}_{condition}.mat", "matlab-5")
+    files = sorted(tmp_path.glob("*.mat"))
+    options = ["--method", "riv", "--output", tmp_path / "results", "--jobs", "2"]
+    names = "{subject}_{condition}"
+    suggested = run("identify", *files, *options)
+    assert f"--names '{names}', which the names of the files suggest" in suggested.err
+    assert not (tmp_path / "results" / "comparison.csv").exists()
+    result = run("identify", *files, *options, "--names", names, "--overwrite")
+    assert result.status == 0, result.err
+    table = pd.read_csv(tmp_path / "results" / "recordings.csv")
+    assert table[["subject", "condition"]].values.tolist() == [
+        [subject, condition] for subject in "AB" for condition in ("10MVC", "rest")
+    ]
+    differences = pd.read_csv(tmp_path / "results" / "comparison.csv").query("kind == 'difference'")
+    value = differences.set_index("parameter").loc["K", "value"]
+    assert 30.0 < value < 50.0
+    answer = result.out.splitlines()[-1]
+    assert f"{value:.4g} (" in answer
+    assert "from rest to 10MVC" in answer
+    assert answer.endswith("(2 subjects, paired 95 % intervals).")
+    assert (tmp_path / "results" / "comparison-figure.png").stat().st_size > 1_000
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ("{subject}_{condition}", "--names: "),
+        (
+            "{load}",
+            "--names: 'load' is no label of a recording; these are subject, condition, trial.",
+        ),
+    ],
+)
+def test_wrong_names(run, recording, tmp_path, names, message):
+    result = run("identify", recording, "--names", names)
+    assert result.status == 2
+    assert message in result.err
+    assert run("study", tmp_path / "new.yaml", recording, "--names", names).status == 2
 
 
 @pytest.mark.parametrize(
@@ -376,6 +423,26 @@ def test_study_of_recordings(run, trial, recording, tmp_path):
     assert new.read_bytes() != before
 
 
+def test_study_takes_labels_from_names(run, trial, tmp_path):
+    """Without `--names` comments have what the names suggest."""
+    files = [tmp_path / f"S1_{condition}.h5" for condition in ("rest", "10MVC")]
+    files.append(tmp_path / "S2_rest.h5")
+    for file in files:
+        write_recording(trial, file, "hdf5")
+    new = tmp_path / "new.yaml"
+    assert run("study", new, *files).status == 0
+    text = new.read_text(encoding="utf-8")
+    assert "which --names '{subject}_{condition}' would write:\n" in text
+    assert "# S1_10MVC.h5: {'subject': 'S1', 'condition': '10MVC'}\n" in text
+    named = ["--names", "{subject}_{condition}", "--overwrite"]
+    assert run("study", new, *files, *named).status == 0
+    text = new.read_text(encoding="utf-8")
+    assert "suggest" not in text
+    described = yaml.safe_load(text)["studies"]["new"]["files"]
+    labels = [(part["subject"], part["condition"]) for part in described.values()]
+    assert labels == [("S1", "rest"), ("S1", "10MVC"), ("S2", "rest")]
+
+
 def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
     (tmp_path / "$x").mkdir()
     write_recording(trial, tmp_path / "$x" / "a.h5", "hdf5")
@@ -447,7 +514,8 @@ def test_demo(run, tmp_path, monkeypatch):
     """All but the methods, each of which tests/nightly/test_package.py fits in an environment of its own."""
     opened = []
 
-    def analyse(study, folder):
+    def analyse(studies, folder, jobs):
+        (study,) = studies
         (point,) = study.points.values()
         assert (point["paths"], point["position_unit"]) == (
             [str(tmp_path / "demo" / "demo-csv.csv")],
@@ -460,10 +528,10 @@ def test_demo(run, tmp_path, monkeypatch):
         table.attrs["remedy"] = {}
         folder.mkdir(exist_ok=True)
         write_csv(table, folder / "demo-csv-parameters.csv", overwrite=True)
-        return table
+        return [table]
 
     monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or True)
-    monkeypatch.setattr("ankleloop.command_line.analysis.identify_recording", analyse)
+    monkeypatch.setattr("ankleloop.command_line.analysis.identify_recordings", analyse)
     folder = tmp_path / "demo"
     result = run("demo", "--output", folder, "--duration", "20")
     assert result.status == 0, result.err
