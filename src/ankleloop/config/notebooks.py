@@ -60,7 +60,9 @@ class ConditionalFigure(Options):
     """A figure that is drawn where a study has what it shows."""
 
     caption: str = option(description="what it shows")
-    has: Literal["singular values", "three parameters"] = option(description="what a study has")
+    has: Literal["singular values", "three parameters", "conditions"] = option(
+        description="what a study has"
+    )
 
 
 class Notebook(Options):
@@ -102,9 +104,19 @@ def list_figures(study: Study, notebook: Notebook | None) -> dict[str, str]:
             method.method.endswith("moesp") for method in study.methods.values()
         ),
         "three parameters": len(varied) > 2,
+        "conditions": _has_conditions(study),
     }
     more = {name: part.caption for name, part in notebook.conditional.items() if has[part.has]}
     return {**notebook.figures, **more}
+
+
+def _has_conditions(study: Study) -> bool:
+    """Whether the recordings have several subjects and several conditions."""
+    for group in ("subject", "condition"):
+        values = {point.get(group) for point in study.points.values()}
+        if len(values) < 2 or "" in values:
+            return False
+    return True
 
 
 def find_needs(study: SimulatedStudy) -> dict[str, str]:

@@ -7,6 +7,7 @@ import pytest
 from ankleloop.config.checking import ConfigError
 from ankleloop.config.notebooks import list_figures, read_notebooks
 from ankleloop.config.run import read_run
+from ankleloop.config.study import read_studies
 from ankleloop.pages.study_page import StudyPage
 
 NOTEBOOKS = read_notebooks()
@@ -71,6 +72,16 @@ def test_a_figure_is_listed_where_a_study_has_what_it_shows():
     moesp = {"methods": {"pr": {"method": "pr-moesp"}}}
     assert list(list_figures(read(), NOTEBOOKS["table1"])) == ["figure3"]
     assert list(list_figures(read(**moesp), NOTEBOOKS["table1"])) == ["figure3", "order"]
+    labels = [("A", "rest"), ("A", "MVC"), ("B", "rest"), ("B", "MVC")]
+    for chosen, figures in ((labels, ["group", "comparison"]), (labels[:2], ["group"])):
+        files = {
+            f"r{number}": {"file": "a.mat", "subject": subject, "condition": condition}
+            for number, (subject, condition) in enumerate(chosen)
+        }
+        study = {"kind": "recordings", "folder": str(Path()), "files": files}
+        study["methods"] = {"riv": {"method": "riv"}}
+        recorded = read_studies({"studies": {"s": study}, "run": ["s"]})[1]["s"]
+        assert list(list_figures(recorded, NOTEBOOKS["recordings"])) == figures
 
 
 def test_a_figure_that_is_not_listed_is_an_error():

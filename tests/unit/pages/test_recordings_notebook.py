@@ -29,7 +29,7 @@ def run_notebook(tmp_path):
 
     def run(*rows):
         pd.DataFrame(rows).to_parquet(tmp_path / "0.parquet")
-        study = {"study": "s", "title": "S", "figures": ["group"]}
+        study = {"study": "s", "title": "S", "figures": ["group", "comparison"]}
         study["tables"] = [str(tmp_path / "0.parquet")]
         study["table_stem"] = study["figure_stem"] = str(tmp_path / "s")
         return run_cells("recordings", {"study": study}), tmp_path
@@ -58,6 +58,25 @@ def test_the_first_table_and_the_figure_have_the_recommended_methods(run_noteboo
 @pytest.mark.usefixtures("coarse_pictures")
 def test_recordings_that_were_all_refused_have_a_page_and_a_figure(run_notebook):
     shown, folder = run_notebook(REFUSED, {**REFUSED, "recording": "A3"})
+    assert shown.startswith("2 recordings: 0 ok, 0 warning, 2 refused.")
     assert "A3 was refused:</b> torque: there is a gap" in shown
     assert (folder / "s-group.png").stat().st_size > 0
     assert pd.read_csv(folder / "s.csv")["recording"].tolist() == ["A2", "A3"]
+
+
+@pytest.mark.usefixtures("coarse_pictures")
+def test_the_page_answers_in_its_first_sentence(run_notebook):
+    """Of several subjects and conditions, by the method that is recommended most often."""
+    stiffness = {"Ann": (100.0, 141.0), "Bea": (120.0, 160.0), "Cat": (80.0, 122.0)}
+    rows = []
+    for subject, values in stiffness.items():
+        for condition, value in zip(("rest", "10MVC"), values, strict=True):
+            row = {**RIV, "subject": subject, "condition": condition, "K": value}
+            rows.append({**row, "recording": f"{subject}-{condition}", "recommended": True})
+            rows.append({**rows[-1], "label": "PR", "K": 10.0 * value, "recommended": False})
+    shown, folder = run_notebook(*rows)
+    answer = "K rises by 41 (38.52 … 43.48) N·m/rad from rest to 10MVC (3 subjects, paired 95 % intervals)."
+    assert shown.startswith(answer)
+    drawn = pd.read_csv(folder / "s-comparison.csv").set_index(["series", "x"])["value"]
+    assert drawn["subject Bea", 1.0] == 160.0
+    assert drawn["mean over subjects", 0.0] == pytest.approx(100.0)
