@@ -16,7 +16,7 @@ from ankleloop.joint.estimate import TRIM, Estimate, join_centred, scored_sample
 from ankleloop.joint.prepared import PreparedTrial, prepare, prepare_trials, sample_channel
 from ankleloop.joint.regressors import TORQUES, split_torques
 from ankleloop.joint.time_varying_course import ENDS
-from ankleloop.options import check_choice, check_flag, check_number, show_value
+from ankleloop.options import check_argument, check_flag, check_number, show_value
 from ankleloop.signals.vaf import vaf, vaf_with_interval
 
 Trials = xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial]
@@ -90,7 +90,7 @@ def evaluate(
     >>> evaluate(trial, identify(trial))["torque"].tolist()
     ['net', 'net', 'intrinsic', 'reflex']
     """
-    check_choice("evaluate", "against", against, ("measured", None))
+    check_argument(Literal["measured", None], "evaluate", "against", against)
     check_flag("evaluate", "intervals", intervals)
     trials = prepare_trials(trial)
     rows = score_torques(trials, estimate, against, trim=trim, intervals=intervals)

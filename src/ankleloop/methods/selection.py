@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,13 +15,13 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.joint.regressors import MEASURED, MOTION
 from ankleloop.methods.method import NOMINAL_DELAY, Trial
-from ankleloop.options import Options, check_choice, show_value
+from ankleloop.options import Options, check_argument, show_value
 from ankleloop.signals.decimation import usual_rate
 from ankleloop.signals.responses import lag_matrix
 from ankleloop.signals.sampling import match_times
 from ankleloop.trials.trial import segment
 
-CRITERIA = ("instrumental", "cross-validation")
+Criterion = Literal["instrumental", "cross-validation", None]
 SETTLING = 1.0  # s at either end of a test part
 SEGMENT = 2.0  # s over which losses are summed before their scatter is computed
 # Instruments: leads and lags of the position that the reference explains, lags of splines of its delayed velocity.
@@ -169,7 +169,7 @@ def check_selection(
 ) -> dict[str, list[Any]]:
     """Candidates by option; refuses what a method would refuse after other candidates were fitted."""
     select = {} if select is None else select
-    check_choice(owner, "criterion", criterion, (*CRITERIA, None))
+    check_argument(Criterion, owner, "criterion", criterion)
     kinds = (list, tuple, range, np.ndarray)
     is_listed = isinstance(select, Mapping) and all(
         isinstance(part, kinds) and len(part) for part in select.values()

@@ -31,7 +31,6 @@ VAF_COLUMNS = {
 }
 CASCADE_ONCE = "parallel-cascade-one-pass"
 CASCADE_CONVERGED = "parallel-cascade"
-PULSES = {"perturbation": "pulses", "reflex_gain": 5.0}  # what the real-time algorithm needs
 REPLICATES = 2000  # of the bootstrap
 MOST_RESULTS = 8  # of comparisons that a reason lists; of more it has the decisive one
 NEARLY_ALL = 90.0  # % VAF: from here on what is left unexplained tells more than the VAF
@@ -231,21 +230,11 @@ def check_means(case: Case, *what: str) -> Row:
         accepted = listed["accept"]
         if isinstance(accepted, str):
             accepted = getattr(case, accepted)
-        size = listed.get("size", False)
-        comparisons.append(Comparison(label, ours, accepted, listed.get("from", 0.0), size=size))
+        chosen = {name: listed[name] for name in ("size", "control") if name in listed}
+        comparisons.append(Comparison(label, ours, accepted, listed.get("from", 0.0), **chosen))
         if listed.get("shown"):
             shown = ours
     return case.compare(" ".join(what), comparisons, ours=shown)
-
-
-def check_alike(case: Case, first: str, second: str, *torques: str) -> Row:
-    """VAFs by two methods differ little, on the same trials."""
-    labels = [case.study("table1").labels.get(method, method) for method in (first, second)]
-    comparisons = []
-    for torque in torques:
-        lead = case.lead("table1", (torque, first), (torque, second))
-        comparisons.append(Comparison(torque, lead, case.within))
-    return case.compare(f"VAF by {labels[0]} less that by {labels[1]} [points]", comparisons)
 
 
 def check_figure4_pr(case: Case) -> Row:
@@ -339,27 +328,6 @@ def check_economy(case: Case, quantity: str, unit: str) -> Row:
     comparison = Comparison("", ratio, case.above, case.claim.paper)
     remark = f"PR-MOESP {pr:.3g} {unit}, EIV-MOESP {eiv:.3g} {unit}"
     return case.compare("ratio", [comparison], remark)
-
-
-def check_open_loop_methods_biased(case: Case, *arms: str) -> Row:
-    """K is wrong in closed loop, and right in open loop, by every method that was made for open loop: STUDY=METHOD.
-
-    Open loop is the control: an error that is there in open loop, too, does not come from the loop.
-    """
-    comparisons = []
-    for arm in arms:
-        study, method = arm.split("=")
-        own = PULSES if method == "real-time" else {}
-        closed, opened = (
-            case.mean(study, "K_error", method, **own, closed_loop=loop) for loop in (True, False)
-        )
-        label = case.study(study).labels.get(method, method)
-        control = f"{label} in open loop, the control"
-        comparisons += [
-            Comparison(f"{label} in closed loop", closed, case.above, size=True),
-            Comparison(control, opened, case.within, control=True),
-        ]
-    return case.compare("error of K [%]", comparisons)
 
 
 def check_unbiased(case: Case, method: str, variant: str = "") -> Row:
