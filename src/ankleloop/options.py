@@ -36,7 +36,6 @@ KINDS = {
     "float": "a finite number",
     "bool": "true or false",
     "string": "text",
-    "str": "text",
     "list": "a list in brackets",
     "dict": "a mapping of keys to values",
     "model": "a mapping of keys to values",

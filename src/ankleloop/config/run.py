@@ -8,7 +8,6 @@ from typing import Any
 
 from ankleloop.config.checking import ConfigError, Values, find_key, key_error
 from ankleloop.config.notebooks import Notebook, find_needs, list_figures, read_notebooks
-from ankleloop.config.points import SIMULATION
 from ankleloop.config.settings import Config
 from ankleloop.config.study import RecordedStudy, SimulatedStudy, Study, read_studies
 from ankleloop.errors import DataError
@@ -91,7 +90,7 @@ def check_notebook(study: Study, notebooks: Mapping[str, Notebook]) -> None:
 
 
 def _check_methods(study: SimulatedStudy) -> None:
-    """Refuse options with which a method could identify no trial, or whose estimates could not be in one file."""
+    """Refuse options with which a method could identify no trial."""
     place = ("studies", study.name)
     for point in study.point_list:
         condition = study.conditions[point.condition]
@@ -109,13 +108,6 @@ def _check_methods(study: SimulatedStudy) -> None:
                 raise key_error(
                     (*place, "methods", name, "options"), f"at the point {point.name}: {error}"
                 ) from None
-    for column, parameter in study.parameters.items():
-        is_rate = parameter.field == "identification_rate" and SIMULATION not in parameter.owners
-        if is_rate and study.settings.keep != "scores":
-            raise key_error(
-                (*place, "points", column),
-                "estimates of different rates are not kept in one file: set keep: scores.",
-            )
 
 
 def report_parameters(

@@ -107,7 +107,7 @@ class SimulatedStudy(Study):
         self.chunks: list[Chunk] = []
         self.file_numbers: list[int] = []  # of the trial file that holds each chunk
         for number, part in enumerate(self.trial_files or [trials]):
-            chunks = split_trials(part, self._most_in_chunk, self._rate_of)
+            chunks = split_trials(part, self._most_in_chunk)
             self.chunks += chunks
             self.file_numbers += [number] * len(chunks)
 
@@ -137,13 +137,6 @@ class SimulatedStudy(Study):
         follows_cycle = any(settings[name] for name in cyclic)
         variation = settings["variation"]
         return settings["duration"], settings["recording_rate"], variation, follows_cycle
-
-    def _rate_of(self, condition: str) -> Hashable:
-        """What the estimates of a file have in common: length and rate; nothing where none are kept."""
-        settings = self.conditions[condition]
-        if self.settings.keep == "scores":
-            return None
-        return settings["duration"], settings["recording_rate"]
 
     def simulation(self, parts: Chunk) -> Values:
         """Arguments of `simulate_trials` for a chunk or a trial file: conditions with the trials that are simulated."""
@@ -181,7 +174,9 @@ class SimulatedStudy(Study):
 
 
 def split_trials(
-    trials: Iterable[PointTrials], most: Callable[[str], int], label: Callable[[str], Hashable]
+    trials: Iterable[PointTrials],
+    most: Callable[[str], int],
+    label: Callable[[str], Hashable] = lambda _: None,
 ) -> list[Chunk]:
     """Chunks of trials whose conditions have one label: whole conditions until there are enough trials.
 

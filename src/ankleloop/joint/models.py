@@ -348,10 +348,6 @@ MODEL_KINDS: dict[str, type[Model]] = {model.kind: model for model in get_args(M
 def read_model(fields: Fields) -> Model:
     """The model whose `kind` and fields a file holds."""
     kind = fields.text("kind")
-    if kind not in MODEL_KINDS:
-        raise DataError(
-            f"{fields.source}: unknown kind of model {kind!r}; known: {', '.join(MODEL_KINDS)}."
-        )
     inputs = read_fields(ModelInputs, fields, basis=read_basis(fields))
     if kind != StateSpaceModel.kind:
         return read_fields(MODEL_KINDS[kind], fields, inputs=inputs)

@@ -208,9 +208,7 @@ def _predict_inputs(
 ) -> list[np.ndarray]:
     """The same, computed anew."""
     first = records[0]
-    name = first.reference_name
-    if name is None:
-        raise DataError("instruments are made of the reference, and the trial has none.")
+    name = str(first.reference_name)
     if name == "position":  # an open-loop record: the reference explains all of it
         return [record.inputs for record in records]
     positions = predict_decimated(

@@ -12,13 +12,13 @@ from ankleloop.options import as_real
 TWO_SIDED = 1.959963984540054  # of the normal distribution, 95 %
 
 
-def confidence_margin(sd: ArrayLike, n: ArrayLike, level: float = 0.95) -> np.ndarray:
-    r"""Half width of the confidence interval of a mean over independent trials.
+def confidence_margin(sd: ArrayLike, n: ArrayLike) -> np.ndarray:
+    r"""Half width of the 95 % confidence interval of a mean over independent trials.
 
-    .. math:: t_{(1 + level) / 2, \, n - 1} \; sd / \sqrt{n}
+    .. math:: t_{0.975, \, n - 1} \; sd / \sqrt{n}
     """
     trials = np.asarray(n, dtype=float)
-    quantile = special.stdtrit(trials - 1.0, 0.5 + level / 2)
+    quantile = special.stdtrit(trials - 1.0, 0.975)
     return quantile * sd / np.sqrt(np.maximum(trials, 1.0))
 
 

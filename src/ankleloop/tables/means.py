@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
@@ -56,7 +57,7 @@ def measure_statistics(
 ) -> pd.DataFrame:
     """Mean, standard deviation, number, margin and quantiles of each quantity in each group, as `means` has them."""
     numbers = table.reindex(columns=[*by, *quantities]).astype(dict.fromkeys(quantities, float))
-    groups = numbers.groupby(list(by), sort=False, dropna=False, observed=True)[list(quantities)]
+    groups = group_rows(numbers, by)[list(quantities)]
     parts = {name: getattr(groups, function)() for name, function in STATISTICS.items()}
     parts["margin"] = confidence_margin(parts["sd"], parts["n"])
     parts |= {name: groups.quantile(share) for name, share in (quantiles or {}).items()}
@@ -73,9 +74,13 @@ def count_outcomes(table: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     faults = table[keys].assign(**list_faults(table))
     gains = table.get("G", pd.Series(0.0, table.index))
     faults["without G"] = gains.isna() & ~faults["failures"]
-    groups = {"sort": False, "dropna": False, "observed": True}
-    trials = faults.groupby(keys, **groups).any().reset_index().assign(trials=1)
-    return trials.groupby(list(by), **groups)[COUNTS].sum().reset_index()
+    trials = group_rows(faults, keys).any().reset_index().assign(trials=1)
+    return group_rows(trials, by)[COUNTS].sum().reset_index()
+
+
+def group_rows(table: pd.DataFrame, by: Sequence[str]) -> Any:
+    """Groups of rows in the order of their first appearance; an empty value makes a group, too."""
+    return table.groupby(list(by), sort=False, dropna=False, observed=True)
 
 
 def list_faults(table: pd.DataFrame) -> pd.DataFrame:

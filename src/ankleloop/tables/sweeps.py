@@ -18,7 +18,7 @@ from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_
 from ankleloop.quantities import ERRORS, FAULTS, QUANTITIES, SETTINGS, point_column
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.comparisons import format_pairs
-from ankleloop.tables.means import list_faults, means, measure_statistics
+from ankleloop.tables.means import group_rows, list_faults, means, measure_statistics
 from ankleloop.tables.outcomes import CONDITIONS, Labels, Settings
 from ankleloop.tables.trial_tables import default_quantities, label_parameter, read_trial_table
 from ankleloop.trials.files import PathLike
@@ -209,11 +209,6 @@ def pair_methods(
     return table.reset_index()[list(trials.columns)]
 
 
-def _group(table: pd.DataFrame, by: Sequence[str]) -> Any:
-    """Groups of rows in the order of their first appearance; an empty value makes a group, too."""
-    return table.groupby(list(by), sort=False, dropna=False, observed=True)
-
-
 def summarise_sweep(
     trials: pd.DataFrame, by: Sequence[str], quantities: Sequence[str]
 ) -> pd.DataFrame:
@@ -225,7 +220,7 @@ def _number_conditions(trials: pd.DataFrame) -> pd.Series:
     """Number of the condition of each trial, which points share that differ in options alone."""
     columns = map(point_column, SimulationSettings.model_fields)
     settings = [column for column in columns if column in trials]
-    return _group(trials, settings).ngroup() if settings else pd.Series(0, trials.index)
+    return group_rows(trials, settings).ngroup() if settings else pd.Series(0, trials.index)
 
 
 def summarise_effects(
@@ -245,9 +240,9 @@ def summarise_effects(
         condition=_number_conditions(trials),
     )
     by = ["parameter", "setting", "method"]
-    table["several"] = _group(table, by)["condition"].transform("nunique") > 1
+    table["several"] = group_rows(table, by)["condition"].transform("nunique") > 1
     table["unit"] = table["condition"].where(table["several"], table["trial"])
-    units = _group(table, [*by, "several", "unit"])[list(quantities)].mean().reset_index()
+    units = group_rows(table, [*by, "several", "unit"])[list(quantities)].mean().reset_index()
     rows = measure_statistics(units, [*by, "several"], quantities)
     is_vague = rows["several"] & (rows["n"] < LEAST_CONDITIONS)
     rows["margin"] = rows["margin"].mask(is_vague)

@@ -6,9 +6,7 @@ import pytest
 
 from ankleloop.config.checking import ConfigError
 from ankleloop.config.points import list_points
-from ankleloop.config.run import check_uses
 from ankleloop.config.settings import MethodSettings
-from ankleloop.config.study import read_studies
 from ankleloop.methods.registry import METHODS
 from ankleloop.simulation.settings import SimulationSettings
 
@@ -194,12 +192,3 @@ def test_the_message_about_a_table_names_row_and_column(tmp_path):
 def test_refusals(points, message):
     with pytest.raises(ConfigError, match=message):
         read(points)
-
-
-def test_estimates_of_different_rates_are_not_kept(change):
-    config = change(
-        "studies", "table1", "points", value={"pr-moesp.identification_rate": [100, 50]}
-    )
-    study = read_studies(config | {"run": ["table1"]})[1]["table1"]
-    with pytest.raises(ConfigError, match=r"pr-moesp\.identification_rate: .*set keep: scores"):
-        check_uses(study)

@@ -38,7 +38,7 @@ def test_trials_with_other_variables_are_in_another_file(table1):
     assert len(alike.trial_files) == 1
 
 
-def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
+def test_points_of_different_length_or_rate_do_not_share_a_trial_file(table1):
     points = [
         {"duration": duration, "recording_rate": rate}
         for duration in (10.0, 20.0)
@@ -47,8 +47,8 @@ def test_points_of_different_length_or_rate_do_not_share_a_chunk(table1):
     points = [*points, {"duration": 20.0, "recording_rate": 500.0, "zeta": 0.5}]
     study = table1(points=points)
     assert [len(chunk) for chunk in study.chunks] == [1, 1, 1, 2]
-    assert [len(chunk) for chunk in table1(points=points, keep="estimates").chunks] == [1, 1, 1, 2]
-    assert [len(chunk) for chunk in table1(points=points, keep="scores", trials=20).chunks] == [5]
+    for keep in ("estimates", "scores"):
+        assert [len(chunk) for chunk in table1(points=points, keep=keep, trials=20).chunks] == [5]
 
 
 # --- recordings
