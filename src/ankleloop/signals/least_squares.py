@@ -54,10 +54,3 @@ def fit_columns(
     """
     solution, _, rank, values = np.linalg.lstsq(columns / scale, target, rcond=rank_tolerance)
     return ScaledFit(solution / scale, int(rank), values)
-
-
-def condition_number(values: np.ndarray, rank: int) -> float:
-    """Ratio of the largest singular value to the smallest one that counts; infinite where none does."""
-    if not rank:
-        return np.inf
-    return float(values[0] / values[rank - 1])

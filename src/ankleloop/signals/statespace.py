@@ -61,12 +61,10 @@ def step_matrices(
 
 
 @kernel()
-def simulate_states(
-    A: np.ndarray, B: np.ndarray, u: np.ndarray, x0: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """States of x(t+1) = A x(t) + B u(t), and the one that follows.
+def simulate_states(A: np.ndarray, B: np.ndarray, u: np.ndarray, x0: np.ndarray) -> np.ndarray:
+    """States of x(t+1) = A x(t) + B u(t).
 
-    Shapes: A (n, n), B (n, m), u (N, m), x0 (n,); returns (N, n), (n,).
+    Shapes: A (n, n), B (n, m), u (N, m), x0 (n,); returns (N, n).
     """
     states = np.empty((len(u) + 1, len(A)))
     states[0] = x0
@@ -81,4 +79,4 @@ def simulate_states(
             for j in range(len(A)):
                 total += A[i, j] * x[j]
             x_next[i] = total
-    return states[:-1], states[-1]
+    return states[:-1]

@@ -34,7 +34,7 @@ class DiscreteFilter(NamedTuple):
         Shapes: u (N,); returns (N,).
         """
         rest = np.zeros(self.B.size)
-        states, _ = simulate_states(self.A, self.B[:, None], u[:, None], rest)
+        states = simulate_states(self.A, self.B[:, None], u[:, None], rest)
         return states @ self.C + self.D * u
 
 

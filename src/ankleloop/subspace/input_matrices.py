@@ -11,7 +11,7 @@ from scipy.linalg import lapack, solve_discrete_are
 
 from ankleloop.errors import DataError
 from ankleloop.options import show_value
-from ankleloop.signals.least_squares import ScaledFit, condition_number, fit_columns
+from ankleloop.signals.least_squares import ScaledFit, fit_columns
 from ankleloop.signals.statespace import simulate_states
 
 PANEL = 16  # columns, or an eighth of all: narrow ones leave most of the work to matrix products
@@ -30,7 +30,6 @@ class InputMatrices(NamedTuple):
     offsets: np.ndarray  # shape (records, p), of the outputs
     unknowns: int  # of the regression
     rank: int  # rank of the regression
-    condition: float  # its condition
     determined: bool  # whether the inputs are rich enough for B and D
 
 
@@ -73,7 +72,7 @@ def simulate_response(
     _check_sizes(A, B, C, D, inputs, start)
     # One type, for which it is compiled.
     dynamics, gains, drive = (np.ascontiguousarray(x, dtype=float) for x in (A, B, inputs))
-    states, _ = simulate_states(dynamics, gains, drive, start)
+    states = simulate_states(dynamics, gains, drive, start)
     return states @ C.T + inputs @ D.T
 
 
@@ -162,10 +161,10 @@ class OutputRegression:
         for i, row in enumerate(self.C):
             direct[:, i, :, i] = u.T
             offset[i, :, i] = self.offsets
-            response, _ = simulate_states(transposed, row[:, None], silence, row)
+            response = simulate_states(transposed, row[:, None], silence, row)
             initial[:, :, i] = response.T
             for entries, channel in zip(dynamic, self.dynamic, strict=True):
-                response, _ = simulate_states(transposed, row[:, None], u[:, [channel]], rest)
+                response = simulate_states(transposed, row[:, None], u[:, [channel]], rest)
                 entries[:, :, i] = response.T
         if self.gain is not None:
             for signals in (*columns[:d_end], *offset, columns[-1]):
@@ -231,7 +230,6 @@ class OutputRegression:
             offsets=offsets.reshape(-1, p),
             unknowns=fit.coefficients.size,
             rank=fit.rank,
-            condition=condition_number(fit.singular_values, fit.rank),
             determined=determined,
         )
 

@@ -60,7 +60,7 @@ class SubspaceEstimate:
     offsets : ndarray, shape (p,); of merged records (records, p)
         What `simulate` adds to the outputs of each record; zero without the option `offsets`.
     diagnostics : dict
-        Order, poles, ranks, conditions and warnings.
+        Order, poles, ranks and warnings.
 
     Examples
     --------
@@ -222,17 +222,11 @@ def moesp(
         "poles": realisation.poles,
         "spectral_radius": float(np.abs(realisation.poles).max()),
         "rank": outcome.input_rank,
-        "condition": outcome.condition,
         "instrument_rows": rows.sizes[1],
         "instrument_rank": outcome.instrument_rank,
-        "input_matrices": all_options.input_matrices,
         "regression_rank": fit.rank,
-        "regression_condition": fit.condition,
         "stable": was_stable,
-        "replaced": all_options.stable and not was_stable,
         "compression": compression,
-        "instruments": all_options.instruments,
-        "projection": all_options.projection,
         "warnings": _list_warnings(realisation, fit, all_options.stable),
     }
     # In the units of the data; of a single record its vectors instead of one for each record.

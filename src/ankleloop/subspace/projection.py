@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ankleloop.errors import DataError
-from ankleloop.signals.least_squares import TINY, condition_number
+from ankleloop.signals.least_squares import TINY
 
 LEAST_TOLERANCE = 1e-6  # of the directions of instruments: weaker ones show rounding and noise
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
@@ -35,7 +35,6 @@ class Directions(NamedTuple):
     """Unit directions of rows that count by the rank policy."""
 
     coefficients: np.ndarray  # shape (m, k)
-    condition: float
     largest: float  # eigenvalue, or a bound of it
 
 
@@ -58,7 +57,6 @@ class Projection:
     singular_values: np.ndarray
     input_rank: int  # directions of the inputs that count by the rank policy
     instrument_rank: int  # directions of the instruments that count by the rank policy
-    condition: float  # ratio of the largest to the smallest singular value of the input directions that count
 
 
 def project_gram(
@@ -87,14 +85,14 @@ def project_gram(
         if not MARGIN * rounding * output_size <= min(ACCURACY * values[-order], values[0]):
             return None
         singular_values = np.sqrt(values[::-1] / columns)
-        return Projection(vectors[:, ::-1], singular_values, input_rank, 0, inputs.condition)
+        return Projection(vectors[:, ::-1], singular_values, input_rank, 0)
     tolerance = max(rank_tolerance, LEAST_TOLERANCE)
     instruments = _find_directions(residual[:z, :z], tolerance, gram[m : m + z, m : m + z])
     if instruments is None:
         return None
     fit = instruments.coefficients.T @ residual[:z, z:]
     ranks = input_rank, instruments.coefficients.shape[1]
-    projection = _decompose(fit.T, ranks, inputs.condition, np.sqrt(columns), order)
+    projection = _decompose(fit.T, ranks, np.sqrt(columns), order)
     coefficients = instruments.coefficients @ fit
     input_coefficients = inputs.coefficients @ (components[:, :z] @ coefficients)
     fit_size = np.vdot(coefficients, coefficients) + np.vdot(input_coefficients, input_coefficients)
@@ -114,17 +112,16 @@ def project_factor(
     m, z = sizes
     left, values, _ = np.linalg.svd(factor[:m, :m])
     rank = int(np.sum(values > rank_tolerance * values[0]))
-    condition = condition_number(values, rank)
     # Beside the inputs there are the directions of their own rows that do not count, and the rows below.
     residual = np.vstack([left[:, rank:].T @ factor[:m, m:], factor[m:, m:]])
     if z == 0:
-        return _decompose(residual.T, (rank, 0), condition, np.sqrt(columns))
+        return _decompose(residual.T, (rank, 0), np.sqrt(columns))
     # Relative to the instruments before the inputs were removed, because the residual may be nothing but rounding.
     limit = max(rank_tolerance, LEAST_TOLERANCE) * np.linalg.norm(factor[:, m : m + z], 2)
     rotation, sizes_left, _ = np.linalg.svd(residual[:, :z], full_matrices=False)
     directions = rotation[:, sizes_left > limit]
     ranks = rank, directions.shape[1]
-    return _decompose(residual[:, z:].T @ directions, ranks, condition, np.sqrt(columns), order)
+    return _decompose(residual[:, z:].T @ directions, ranks, np.sqrt(columns), order)
 
 
 def project_correlation(
@@ -145,12 +142,12 @@ def project_correlation(
     instruments = gram[m : m + z]
     inputs = instruments[:, :m]
     outputs = instruments[:, m + z :]
-    solution, _, rank, values = np.linalg.lstsq(inputs, outputs, rcond=rank_tolerance)
+    solution, _, rank, _ = np.linalg.lstsq(inputs, outputs, rcond=rank_tolerance)
     squares = np.linalg.eigvalsh(instruments[:, m : m + z])
     limit = max(rank_tolerance**2, z * ROUNDING) * squares[-1]
     ranks = int(rank), int(np.sum(squares > limit))
     residual = outputs - inputs @ solution
-    return _decompose(residual.T, ranks, condition_number(values, int(rank)), columns)
+    return _decompose(residual.T, ranks, columns)
 
 
 def _find_directions(
@@ -167,8 +164,7 @@ def _find_directions(
     if not failure:
         inverse, failure = lapack.dtrtri(factor)
     if not failure and max(rounding, limit) * bound * np.vdot(inverse, inverse) < 1.0:
-        reciprocal = lapack.dpocon(factor, 1.0)[0]
-        return Directions(inverse, float(np.sqrt(bound / reciprocal)), bound)  # all count
+        return Directions(inverse, bound)  # all count
     if limit < rounding:
         return None
     values, vectors = np.linalg.eigh(gram)
@@ -178,12 +174,11 @@ def _find_directions(
     count = int(np.sum(values > limit * largest))
     first = len(values) - count
     coefficients = vectors[:, first:] / np.sqrt(values[first:])
-    condition = float(np.sqrt(condition_number(values[::-1], count)))
-    return Directions(coefficients, condition, float(largest))
+    return Directions(coefficients, float(largest))
 
 
 def _decompose(
-    residual: np.ndarray, ranks: tuple[int, int], condition: float, scale: float, order: int = 0
+    residual: np.ndarray, ranks: tuple[int, int], scale: float, order: int = 0
 ) -> Projection:
     """Decompose the matrix whose left singular vectors show the extended observability matrix.
 
@@ -195,7 +190,7 @@ def _decompose(
             "use more instrument_rows, a richer reference, or a lower order."
         )
     left, values, _ = np.linalg.svd(residual, full_matrices=False)
-    return Projection(left, values / scale, *ranks, condition)
+    return Projection(left, values / scale, *ranks)
 
 
 def choose_order(singular_values: np.ndarray, largest: int) -> int:

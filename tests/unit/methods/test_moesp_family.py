@@ -150,7 +150,6 @@ def test_ranks_and_stability_are_diagnostics(clean, noisy):
         clean[13.0], "pr-moesp", basis="chebyshev", degree=1, order=1
     ).diagnostics
     assert diagnostics["rank"] <= 4 * 15 - 11
-    assert diagnostics["condition"] < 1e5
     unstable = identify(noisy, "pi-moesp", basis="rectifier", order=6)
     (warning,) = unstable.diagnostics["warnings"]
     assert all(text in warning for text in ("unstable A (spectral radius 1.0", "order 6"))

@@ -92,7 +92,6 @@ def test_exact_recovery(order, inputs, outputs, mask, seed):
         np.testing.assert_allclose(value, truth, atol=1e-8, err_msg=name)
     np.testing.assert_array_equal(estimate.B[:, ~dynamic], 0.0)
     assert estimate.rank == inputs * outputs + order * dynamic.sum() + order + outputs
-    assert np.isfinite(estimate.condition)
 
 
 def test_too_few_samples_are_refused():

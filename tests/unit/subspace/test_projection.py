@@ -181,7 +181,6 @@ def test_a_direction_counts_above_the_tolerance(size, counts):
     almost = np.vstack([U, U[:1] + size * np.random.default_rng(6).standard_normal((1, 60))])
     projection = project(almost, Y, Z, "ordinary", TOLERANCE, 1)
     assert projection.input_rank == 3 + counts
-    assert (projection.condition > 1e5) == counts
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
