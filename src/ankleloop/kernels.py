@@ -33,11 +33,10 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
 
     def compile_function(function: Function) -> Function:
         compiled = njit(**options)(function)
-        if compiled is not function:  # as it is where numba is switched off
-            try:
-                compiled._cache = _KernelCache(function)
-            except RuntimeError:  # of numba, that no folder can be written
-                _warn_once()
+        try:
+            compiled._cache = _KernelCache(function)
+        except RuntimeError:  # of numba, that no folder can be written
+            _warn_once()
         return compiled
 
     return compile_function

@@ -10,7 +10,7 @@ from bad_inputs.data import lowpass
 
 from ankleloop import DataError, identify, new_trial, simulate
 from ankleloop.checks.channels import check_spikes
-from ankleloop.checks.data import DataUse, check_data
+from ankleloop.checks.data import check_data
 from ankleloop.config.study import SimulatedStudy, read_studies
 from ankleloop.joint.prepared import prepare
 
@@ -26,7 +26,7 @@ STUDIES = {
 def check(trial):
     """Warnings of an identification with the reference, or its refusal of the trial."""
     try:
-        return check_data([prepare(trial)], DataUse(reference="reference"))
+        return check_data([prepare(trial)], "reference")
     except DataError as error:
         return [error]
 

@@ -321,11 +321,7 @@ def trajectory_bound(
     >>> bound["K"].dims, bool(bound["K_mean"] < bound["K"].min())
     (('phase',), True)
     """
-    rate = check_number(
-        "trajectory_bound", "identification_rate", identification_rate, "Hz", ge=1, le=10000
-    )
     check_flag("trajectory_bound", "known_delay", known_delay)
-    counts = RivTvOptions.parse("trajectory_bound", knots=knots).knots
     values = SimulationSettings.parse("trajectory_bound", **settings)
     if values.variation is None or values.reflex_threshold != 0 or not values.disturbed:
         raise ValueError(
@@ -334,7 +330,7 @@ def trajectory_bound(
             "voluntary."
         )
     equations, parameters, information = trajectory_information(
-        seed, values, counts, rate, known_delay=known_delay
+        seed, values, knots, identification_rate, known_delay=known_delay
     )
     bases = equations.bases
     course = equations.course
@@ -377,7 +373,6 @@ def trajectory_information(
     Shapes: information (unknowns, unknowns): coefficients of K and B, the inertia, coefficients of G, logarithms of the
     dynamics, and the delay [s].
     """
-    clean = prepare(_simulate_clean(seed, settings))
     options = RivTvOptions.parse(
         "trajectory_bound",
         reference="position",
@@ -386,6 +381,7 @@ def trajectory_information(
         knots=knots,
         **COURSES[str(settings.variation)],
     )
+    clean = prepare(_simulate_clean(seed, settings))
     equations = TimeVaryingEquations([clean], options)
     bases = equations.bases
     rows = equations.course.rows

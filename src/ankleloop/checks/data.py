@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ankleloop.checks.channels import CHANNEL_CHECKS
 from ankleloop.checks.findings import Finding, name_trial
@@ -34,21 +33,19 @@ FEW_BLOCK_ROWS = (
 )
 
 
-@dataclass(frozen=True)
-class DataUse:
-    """What an identification takes from its data."""
-
-    delay: float = 0.04  # reflex delay [s]
-    identification_rate: float = 100.0  # rate of the identification [Hz]
-    order: int = 2  # order for which the movement has to be persistently exciting
-    # Block rows for which it has to be; None for a method that has none.
-    block_rows: int | None = None
-    # Variable whose leads or lags are instruments; None for a method that uses none.
-    reference: str | None = None
-
-
-def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
+def check_data(
+    trials: Sequence[PreparedTrial],
+    reference: str | None,
+    *,
+    delay: float = 0.04,
+    identification_rate: float = 100.0,
+    order: int = 2,
+    block_rows: int | None = None,
+) -> list[str]:
     """Check the data of an identification.
+
+    `reference` is the variable whose leads or lags are instruments, `order` and `block_rows` are those for which the
+    movement has to be persistently exciting; None for a method that has none.
 
     The checks are: scale, clipping, stretches at rest, filled gaps and spikes of position and torque; noise of the
     velocity and bandwidth of the torque; whether the torque has to do with the movement, and opposes it; whether the
@@ -59,21 +56,22 @@ def check_data(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
     warnings = []
     for number, trial in enumerate(trials, 1):
         findings = [
-            *_find_faults(trial, use.delay, use.identification_rate, use.reference or "reference"),
-            *find_reference_faults(trial, use.reference, use.delay),
+            *_find_faults(trial, delay, identification_rate, reference or "reference"),
+            *find_reference_faults(trial, reference, delay),
         ]
         place = name_trial(number, len(trials))
         warnings += [f"{place}{finding.text}" for finding in findings]
-    warnings += _check_references(trials, use)
+    if reference and reference != "position":
+        warnings += _check_references(trials, reference, delay, identification_rate)
     if warnings:  # what a fault of a channel excites, or does not, says little
         return warnings
     velocities = []
     for trial in trials:
-        grid = trial.grid(use.identification_rate, use.delay)
+        grid = trial.grid(identification_rate, delay)
         velocities.append(trial.motion(grid)[1])
-    excitation = check_excitation(velocities, use.order, use.block_rows or FEW_BLOCK_ROWS)
+    excitation = check_excitation(velocities, order, block_rows or FEW_BLOCK_ROWS)
     # A movement of few frequencies says little about more than a few block rows.
-    tolerated = ("ok",) if use.block_rows else ("ok", "warning")
+    tolerated = ("ok",) if block_rows else ("ok", "warning")
     return [] if excitation.verdict in tolerated else [excitation.text]
 
 
@@ -121,15 +119,15 @@ def rectifier_regressors(
     )
 
 
-def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[str]:
+def _check_references(
+    trials: Sequence[PreparedTrial], name: str, delay: float, rate: float
+) -> list[str]:
     """Warnings about the reference; with one that explains nothing the identification is refused."""
-    name = use.reference
-    if name is None or name == "position" or not all(name in trial.trial for trial in trials):
+    if not all(name in trial.trial for trial in trials):
         return []  # without the variable the method says so itself
-    rate = use.identification_rate
     warnings = []
     for trial in trials:
-        later, position, torque = reference_correlations(trial, trial.grid(rate, use.delay), name)
+        later, position, torque = reference_correlations(trial, trial.grid(rate, delay), name)
         if torque > 1.0 - COPY_SHARE:
             raise DataError(
                 f"{name} is the torque itself, which is no instrument: give the command of the servo as reference."
@@ -141,9 +139,9 @@ def _check_references(trials: Sequence[PreparedTrial], use: DataUse) -> list[str
             )
         if later > STRONG_SHARE:
             continue
-        finding = check_reference([rectifier_regressors(trial, use.delay, rate, name)])
+        finding = check_reference([rectifier_regressors(trial, delay, rate, name)])
         if finding.verdict == "warning" and len(trials) > 1:  # too short alone
-            records = [rectifier_regressors(each, use.delay, rate, name) for each in trials]
+            records = [rectifier_regressors(each, delay, rate, name) for each in trials]
             finding = check_reference(records)
         if finding.verdict == "refused":
             raise DataError(finding.text)

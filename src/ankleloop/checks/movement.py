@@ -70,15 +70,8 @@ class MotionProducts:
 
 @once
 def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
-    """Products of a trial."""
-    return regress_torque([*trial.motion(grid), trial.channel("torque", grid)], grid)
-
-
-def regress_torque(signals: Sequence[np.ndarray], grid: Grid) -> MotionProducts:
-    """Least squares of the last signal, the torque, on the others, which differ in unit; what is not shown is zero.
-
-    Shapes: signals (N,).
-    """
+    """Products of a trial, and least squares of its torque on the movement; what is not shown is zero."""
+    signals = [*trial.motion(grid), trial.channel("torque", grid)]
     deviations = np.stack([signal - signal.mean() for signal in signals])
     products = deviations @ deviations.T
     right = products[:-1, -1]

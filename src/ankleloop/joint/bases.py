@@ -48,10 +48,6 @@ class Basis:
         Shapes: velocity (N,).
         """
         scale = float(np.max(np.abs(velocity)))
-        if scale == 0:
-            raise DataError(
-                "the velocity is zero throughout: the position channel carries no perturbation."
-            )
         knots = cls.place_knots(velocity, degree)
         # Faster than so many partitions.
         ordered = np.sort(velocity[:: max(1, velocity.size // QUANTILE_SAMPLES)])

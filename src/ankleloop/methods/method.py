@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, Self
 import xarray as xr
 from pydantic import model_validator
 
-from ankleloop.checks.data import DataUse, check_data, refuse_repeated_trials
+from ankleloop.checks.data import check_data, refuse_repeated_trials
 from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate, add_measured
@@ -176,7 +176,7 @@ class Method:
         if isinstance(chosen, MethodOptions):
             chosen = chosen.at_rate(trials[0].rate)
         reference = self.reference(chosen)
-        data_warnings = check_data(trials, data_use(chosen, reference))
+        data_warnings = check_data(trials, reference, **_data_use(chosen))
         estimate = self.identify(trials if self.merges else trials[0], chosen)
         diagnostics = dict(estimate.diagnostics)
         assumptions = _list_assumptions(chosen, reference)
@@ -236,14 +236,14 @@ def _list_assumptions(options: Any, reference: str | None) -> list[str]:
     return assumptions
 
 
-def data_use(options: Any, reference: str | None) -> DataUse:
-    """What a method takes from its data under its options; what they do not have is as in `DataUse`."""
+def _data_use(options: Any) -> dict[str, Any]:
+    """What a method takes from its data under its options; what they do not have is as in `check_data`."""
     given = options.model_dump(
         include={"delay", "identification_rate", "order", "block_rows"}, exclude_none=True
     )
     if "block_rows" in given:
         given.setdefault("order", (options.block_rows - 1) // 2)  # the largest that may be chosen
-    return DataUse(reference=reference, **given)
+    return given
 
 
 def _list_faults(estimate: Estimate) -> list[str]:

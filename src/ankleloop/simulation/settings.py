@@ -20,6 +20,8 @@ LOAD_SETTINGS = ("load_inertia", "load_viscosity", "load_stiffness")
 DWELL_TIMES = (0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6)
 DWELL_TEXT = ", ".join(f"{1000 * dwell:g}" for dwell in DWELL_TIMES)
 
+Table = tuple[float, ...] | str  # numbers, or a text that holds them
+
 
 def _variation_option(symbol: str) -> Any:
     """Declare by how much a parameter of the joint varies."""
@@ -93,9 +95,9 @@ class SimulationSettings(Options):
     stiffness_peak: float = _peak_option("K")
     viscosity_peak: float = _peak_option("B")
     gain_peak: float = _peak_option("G")
-    stiffness_table: tuple[float, ...] | str | None = _table_option("K", "N·m/rad")
-    viscosity_table: tuple[float, ...] | str | None = _table_option("B", "N·m·s/rad")
-    gain_table: tuple[float, ...] | str | None = _table_option("G", "N·m·s/rad")
+    stiffness_table: Table | None = _table_option("K", "N·m/rad")
+    viscosity_table: Table | None = _table_option("B", "N·m·s/rad")
+    gain_table: Table | None = _table_option("G", "N·m·s/rad")
     cycle_duration: float = option(1.4, "mean duration of a cycle", unit="s", gt=0, le=1e5)
     cycle_jitter: float = option(
         0.0, "durations of cycles lie evenly within ± this share of their mean", ge=0, le=0.5
@@ -143,7 +145,7 @@ class SimulationSettings(Options):
         "prbs",
         "kind of the position command: pseudorandom binary sequence, short pulses, or steps after random times",
     )
-    dwell_weights: tuple[float, ...] | str | None = option(
+    dwell_weights: Table | None = option(
         None,
         f"weights of the dwell times {DWELL_TEXT} ms; null for equal ones",
     )

@@ -55,9 +55,7 @@ def test_a_spline_is_constant_beyond_the_velocities_of_its_fit():
     np.testing.assert_array_equal(basis(2 * ends), basis(ends))
 
 
-def test_velocities_without_variation_are_refused():
-    with pytest.raises(DataError, match="zero throughout"):
-        BASES["rectifier"].fit(np.zeros(10), 1)
+def test_velocities_of_few_values_are_refused():
     with pytest.raises(DataError, match="too few values"):
         BASES["spline"].fit(np.sign(VELOCITY), 6)
 

@@ -97,19 +97,3 @@ def test_the_filter_is_compared_between_other_trials(results):
     assert row["K_cost"] == pytest.approx(row["K_mean"] - complete["K_mean"])
     assert row["K_cost_margin"] == pytest.approx(np.hypot(row["K_margin"], complete["K_margin"]))
     assert (complete["K_cost"], complete["K_cost_margin"]) == (0.0, 0.0)
-
-
-def test_two_conditions_with_the_same_words_are_both_shown(results):
-    """They differ in another setting: the name of the point tells them apart, and each has its own filter."""
-    other = {
-        f"{point}, light": POINTS[point] | {"load_inertia": 0.5}
-        for point in ("filter", "filter without scaling", "no filter")
-    }
-    more = results.assign(point=results["point"] + ", light", K=results["K"] + 40.0)
-    more = more[more["point"].isin(other)]
-    table = tabulate_omissions(pd.concat([results, more]), POINTS | other, LABELS)
-    conditions = ["with noise, filter", "without noise", "with noise, filter, light"]
-    assert table["condition"].unique().tolist() == conditions
-    light = table[table["condition"] == conditions[-1]]
-    assert (light["K_mean"] > 30.0).all()
-    assert light.loc[light["omitted_step"] == "anti-aliasing filter", "K_cost"].abs().max() < 10.0
