@@ -40,12 +40,7 @@ KINDS = {
     "dict": "a mapping of keys to values",
     "model": "a mapping of keys to values",
 }
-BOUNDS = {
-    "greater_than_equal": "ge",
-    "less_than_equal": "le",
-    "greater_than": "gt",
-    "less_than": "lt",
-}
+BOUNDS = ("ge", "le", "gt", "lt")
 STRICT = ConfigDict(strict=True, allow_inf_nan=False)
 LARGEST_MEMORY = 64 * 2**30  # bytes, of a machine that does not state its memory
 
@@ -207,7 +202,7 @@ class Options(BaseModel):
         bounds = {}
         if name in cls.model_fields:
             for item in cls.model_fields[name].metadata:
-                for bound in BOUNDS.values():
+                for bound in BOUNDS:
                     if hasattr(item, bound):
                         bounds[bound] = getattr(item, bound)
         return bounds
@@ -272,11 +267,9 @@ def describe_error(error: Mapping[str, Any], unit: str, limits: Mapping[str, flo
     kind = error["type"]
     context = error.get("ctx", {})
     value = show_value(error["input"])
-    if kind in BOUNDS:
-        bound = BOUNDS[kind]
-        return (
-            f"must be {describe_limits(unit, **(limits or {bound: context[bound]}))}, got {value}"
-        )
+    passed = {bound: context[bound] for bound in BOUNDS if bound in context}
+    if passed:
+        return f"must be {describe_limits(unit, **(limits or passed))}, got {value}"
     if kind == "literal_error":
         choices = context["expected"]
         if " or " in choices:
@@ -285,7 +278,7 @@ def describe_error(error: Mapping[str, Any], unit: str, limits: Mapping[str, flo
     if kind == "value_error":
         return str(context["error"])
     expected = "a finite number" if kind == "finite_number" else KINDS.get(kind.partition("_")[0])
-    if expected and kind.endswith(("_number", "_type", "_parsing", "_from_float", "_size")):
+    if expected and kind.endswith(("_number", "_type")):
         return f"must be {describe_kind(expected, unit, limits)}, got {value}"
     return f"is not usable, {error['msg'][0].lower()}{error['msg'][1:]}: got {value}"
 

@@ -114,7 +114,7 @@ def score_torques(
     torque = estimate.torque
     measured = _sample(trials, "torque", estimate)
     targets = [(name, "measured", measured) for name in TORQUES]
-    if against is None and all(_has_truths(trial) for trial in trials):
+    if against is None and all(has_truths(trial) for trial in trials):
         truths = {name: _sample(trials, f"torque_{name}", estimate) for name in TORQUES[1:]}
         targets = [targets[0], ("net", "true", truths["intrinsic"] + truths["reflex"])]
         targets += [(name, "true", truth) for name, truth in truths.items() if np.ptp(truth) > 0]
@@ -133,7 +133,7 @@ def _sample(trials: Sequence[PreparedTrial], name: str, estimate: Estimate) -> n
     return np.concatenate(sample_channel(trials, name, estimate.torque))
 
 
-def _has_truths(trial: PreparedTrial) -> bool:
+def has_truths(trial: PreparedTrial) -> bool:
     """Whether a trial has the true torques of a simulation."""
     return {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars)
 
@@ -189,8 +189,8 @@ def parameter_row(trial: Trials, estimate: Estimate) -> dict[str, Any]:
     row: dict[str, Any] = _list_parameters(estimate)
     if estimate.intervals and diagnostics.get("intervals"):
         row["intervals"] = diagnostics["intervals"]
-    has_truths = set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars)
-    if has_truths and np.ptp(prepared.samples["torque_noise"]) > 0:
+    has_noise = set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars)
+    if has_noise and np.ptp(prepared.samples["torque_noise"]) > 0:
         row["in_band_snr_db"] = in_band_snr(trials, estimate)
     row |= {name: diagnostics[name] for name in ROW_DIAGNOSTICS if name in diagnostics}
     settings = prepared.trial.attrs if "torque_reflex" in prepared.trial else {}

@@ -160,19 +160,14 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
     owners = {SIMULATION: shared, **{name: method.options for name, method in methods.items()}}
     points: dict[tuple[Any, ...], Point] = {}
     conditions: Conditions = {}
-    # Equal settings, and equal options of a method, are checked once.
-    checked: dict[tuple[str, str], Options] = {}
     for row, given in combinations:
         where = [row] if row else ["config", *place]
         models = {}
         for owner, base in owners.items():
             values = _values_of(owner, parameters, given)
-            key = (owner, repr(values))
-            if key not in checked:
-                complete = base.model_dump(exclude_unset=True) | values
-                owner_place = [owner] if owner else []
-                checked[key] = check(type(base), complete, *where, point_name(given), *owner_place)
-            models[owner] = checked[key]
+            complete = base.model_dump(exclude_unset=True) | values
+            owner_place = [owner] if owner else []
+            models[owner] = check(type(base), complete, *where, point_name(given), *owner_place)
         values = {
             name: _find_value(parameter, models, given.get(name))
             for name, parameter in parameters.items()

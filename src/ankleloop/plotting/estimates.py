@@ -5,26 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from matplotlib.axes import Axes
 
-from ankleloop.assessment.scores import Trials, evaluate, true_trajectories
+from ankleloop.assessment.scores import Trials, evaluate, has_truths, true_trajectories
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import prepare_trials
+from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.regressors import TORQUES, split_torques
 from ankleloop.plotting.panels import PANEL_COLUMNS, Panel, Styles, curve, draw_panels, finish
 from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, estimate_styles
 from ankleloop.quantities import QUANTITIES
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from ankleloop.joint.estimate import Estimate
-    from ankleloop.joint.prepared import PreparedTrial
 
 TORQUE_HEIGHT = 36.0  # mm of a row of panels
 TRAJECTORY_HEIGHT = 44.0
@@ -59,7 +55,7 @@ def centre_torques(trial: PreparedTrial | None, estimate: Estimate) -> CentredTo
     true: dict[str, np.ndarray] = {}
     if trial is not None:
         measured = trial.channel_at("torque", time, rate)
-        if {"torque_intrinsic", "torque_reflex"} <= set(trial.trial.data_vars):
+        if has_truths(trial):
             intrinsic = _centre(trial.channel_at("torque_intrinsic", time, rate))
             reflex = _centre(trial.channel_at("torque_reflex", time, rate))
             true = {"net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}

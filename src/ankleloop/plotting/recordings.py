@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from ankleloop.assessment.residuals import ResidualTest
 from ankleloop.joint.dynamics import ReflexDynamics
+from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import ResponseModel
 from ankleloop.plotting.panels import Panel, Styles, curve, draw_panels, estimates_figure, finish
 from ankleloop.plotting.style import (
@@ -21,10 +22,6 @@ from ankleloop.plotting.style import (
 )
 from ankleloop.quantities import QUANTITIES
 from ankleloop.recordings.comparison import select_rows
-
-if TYPE_CHECKING:
-    from ankleloop.assessment.residuals import ResidualTest
-    from ankleloop.joint.estimate import Estimate
 
 LONGEST_RESPONSE = 0.4  # s
 RESPONSE_RATE = 1e3  # Hz
