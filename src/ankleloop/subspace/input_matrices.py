@@ -83,20 +83,12 @@ def _check_sizes(
     n = len(A)
     m = B.shape[-1]
     p = len(C)
-    shapes = {
-        "A": (A, (n, n)),
-        "B": (B, (n, m)),
-        "C": (C, (p, n)),
-        "D": (D, (p, m)),
-        "u": (u, (len(u), m)),
-        "x0": (x0, (n,)),
-    }
-    for name, (array, expected) in shapes.items():
-        if array.shape != expected:
-            raise ValueError(
-                f"{name} has shape {array.shape}, but beside A {A.shape}, B {B.shape} and C {C.shape} it must be "
-                f"{expected}."
-            )
+    shapes = [array.shape for array in (A, B, C, D, u, x0)]
+    if shapes != [(n, n), (n, m), (p, n), (p, m), (len(u), m), (n,)]:
+        raise ValueError(
+            f"A, B, C, D, u and x0 have shapes {', '.join(map(str, shapes))}: with n states, m inputs and p outputs "
+            "they must be (n, n), (n, m), (p, n), (p, m), (N, m) and (n,)."
+        )
 
 
 class OutputRegression:

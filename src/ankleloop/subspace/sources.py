@@ -165,12 +165,10 @@ def list_records(
             f"the {name} must be a list of records as the inputs are, got {show_value(x)}."
         )
     records = [np.column_stack([as_real(record, name)]) for record in (x if merged else [x])]
-    for k, record in enumerate(records):
-        if record.ndim != 2 or record.shape[1] != records[0].shape[1]:
-            raise DataError(
-                f"record {k} of the {name} has shape {record.shape}, record 0 {records[0].shape}: every record "
-                "must be (samples, channels), with the same channels."
-            )
+    if records[0].ndim != 2 or len({record.shape[1:] for record in records}) > 1:
+        raise DataError(
+            f"every record of the {name} must be (samples, channels), with the same channels."
+        )
     if lengths is None:
         return records
     if len(records) != len(lengths):
