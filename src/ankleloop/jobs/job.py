@@ -21,7 +21,7 @@ def running(snakemake: Any) -> Iterator[None]:
     Parameters
     ----------
     snakemake : object
-        What Snakemake gives to the script of a job: its rule, wildcards, parameters and log.
+        What Snakemake gives to the script of a job: its rule, wildcards and log.
     """
     logging.basicConfig(
         filename=str(snakemake.log),
@@ -33,7 +33,8 @@ def running(snakemake: Any) -> Iterator[None]:
     start = time.monotonic()
     try:
         yield
-        print(f"{_describe(snakemake)}, {time.monotonic() - start:.0f} s", file=sys.stderr)
+        words = [snakemake.rule.replace("_", " "), *snakemake.wildcards]
+        print(f"{' '.join(words)}, {time.monotonic() - start:.0f} s", file=sys.stderr)
     except Exception as error:
         wildcards = [f"{name} {value}" for name, value in snakemake.wildcards.items()]
         job = ", ".join([f"rule {snakemake.rule}", *wildcards])
@@ -41,18 +42,3 @@ def running(snakemake: Any) -> Iterator[None]:
         message = f"{'; '.join([job, *places])}: {describe_error(error)}"
         log.error("%s", message, exc_info=error)
         sys.exit(f"{message} (The log has all details: {snakemake.log})")
-
-
-def _describe(snakemake: Any) -> str:
-    """Rule and wildcards of a job, and how many trials or recordings it takes."""
-    words = [snakemake.rule.replace("_", " "), *snakemake.wildcards]
-    parts = [" ".join(words)]
-    arguments = getattr(snakemake.params, "arguments", {})
-    conditions = arguments.get("conditions", {}).values()
-    trials = sum(part["stop"] - part["first"] for part in conditions)
-    if trials:
-        parts.append(f"{trials} trials")
-    recordings = arguments.get("recordings", {})
-    if recordings:
-        parts.append(f"{len(recordings)} recordings")
-    return ", ".join(parts)
