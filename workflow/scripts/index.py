@@ -37,8 +37,7 @@ with running(snakemake):
     provenance = read_provenance(snakemake.params.repository)
     write_json(output.configuration, snakemake.params.configuration)
     write_json(output.provenance, provenance)
-    seeds = {study["study"]: study["seed"] for study in studies if "seed" in study}
-    write_crate(folder, snakemake.input.results, Path(output.configuration), provenance, seeds)
+    write_crate(folder, snakemake.input.results, Path(output.configuration), provenance)
     write_text(output.tables, render_tables(read_tables(map(Path, snakemake.input.summaries))))
     ledger = pd.read_csv(snakemake.input.ledger[0]) if output.ledger else None
     for path in output.ledger:

@@ -92,7 +92,6 @@ def write_crate(
     outputs: Iterable[str],
     configuration: Path,
     provenance: Provenance,
-    seeds: Mapping[str, int],
 ) -> None:
     """Write the metadata of a run beside its results."""
     # Here: a package of the workflow, which the library does without.
@@ -100,17 +99,16 @@ def write_crate(
 
     crate = ROCrate()
 
-    def add_file(path: Path, **properties: Any) -> Any:
+    def add_file(path: Path) -> Any:
         relative = path.relative_to(folder).as_posix()
         kind, _ = mimetypes.guess_type(path.name)
-        described = {
+        properties = {
             "name": relative,
             "encodingFormat": kind or "application/octet-stream",
             "contentSize": str(path.stat().st_size),
             "sha256": hash_file(path),
-            **properties,
         }
-        return crate.add_file(path, relative, properties=described)
+        return crate.add_file(path, relative, properties=properties)
 
     version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
     if provenance["changed"]:
@@ -129,22 +127,7 @@ def write_crate(
             ],
         }
     )
-    seed_values = [
-        crate.add_jsonld(
-            {
-                "@id": f"#seed-{study}",
-                "@type": "PropertyValue",
-                "name": f"seed of {study}",
-                "value": seed,
-            }
-        )
-        for study, seed in seeds.items()
-    ]
-    settings = add_file(
-        configuration,
-        name="Configuration of the run, with all defaults",
-        variableMeasured=seed_values,
-    )
+    settings = add_file(configuration)  # with all defaults, and the seeds of the studies
     files = {configuration}
     for output in map(Path, outputs):
         files |= set(filter(Path.is_file, [output, *output.rglob("*")]))
