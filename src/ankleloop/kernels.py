@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import logging
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
 from numba.core.caching import FunctionCache, IndexDataCacheFile
-
-log = logging.getLogger(__name__)
 
 NO_FOLDER = (
     "neither the folder of ankleloop nor the home of this user can be written, so each process compiles its "
@@ -68,16 +66,13 @@ class _KernelCache(FunctionCache):
         """Compiled code of a signature; None where there is none that can be read."""
         try:
             return super().load_overload(signature, target)
-        except Exception as error:  # unpickling a damaged file raises errors of any kind
-            log.info("%r: its compiled code cannot be read (%r), and is compiled anew", self, error)
+        except Exception:  # unpickling a damaged file raises errors of any kind
             return None
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Keep the compiled code of a signature, where its folder can be written."""
-        try:
+        with suppress(OSError):
             super().save_overload(signature, data)
-        except OSError as error:
-            log.info("%r: its compiled code cannot be kept: %s", self, error)
 
 
 class _KernelFiles(IndexDataCacheFile):
