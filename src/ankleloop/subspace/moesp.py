@@ -255,12 +255,10 @@ def moesp(
 
 def _check_names(options: SubspaceOptions, inputs: int, outputs: int) -> None:
     """Refuse names that are not one for each channel."""
-    kinds = ("inputs", "outputs")
-    for names, kind, size in zip(options.names or (), kinds, (inputs, outputs), strict=False):
-        if len(names) != size:
-            raise ValueError(
-                f"names must have {size} names of {kind}, got {show_value(list(names))}."
-            )
+    if options.names and tuple(map(len, options.names)) != (inputs, outputs):
+        raise ValueError(
+            f"names must be {inputs} names of inputs and {outputs} of outputs, got {show_value(options.names)}."
+        )
 
 
 def _project(
