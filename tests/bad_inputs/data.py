@@ -30,7 +30,7 @@ def warnings_or_refusal(trial: xr.Dataset | list[xr.Dataset], method: str = "riv
 
 def warnings_of_merged(trials: list[xr.Dataset]) -> list[str]:
     """Warnings of the estimate of merged trials."""
-    return identify(trials, "pr-moesp")[0].diagnostics["warnings"]
+    return identify(trials, "pr-moesp").diagnostics["warnings"]
 
 
 def record(change: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]):

@@ -137,7 +137,7 @@ ROWS = [
         "blocks too long",
         good_trial,
         "less than ten blocks of 50 s",
-        "take shorter",
+        "Take shorter",
         call=in_blocks_of_50_s,
     ),
     row("no trials", [], "there are no trials to check", call=check_trial),
