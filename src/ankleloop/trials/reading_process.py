@@ -4,8 +4,10 @@ A file that is damaged in a way that crashes or halts the library of its format,
 `DataError`, and nothing else happens. The process is started for the first file (to start one takes longer than to read
 a file), and serves those that follow, until a library fails: then its state is not to be trusted any more.
 
-Requests and answers are lines of JSON over a pipe, and the samples of a variable stand behind its line, in one message:
+Requests and answers are lines of JSON over pipes, and the samples of a variable stand behind its line, in one message:
 nothing in an answer is executed, and no answer can be taken for another one. Every wait for an answer has a limit.
+
+On Windows neither memory nor the time of the processor is limited: there the wait for the answer ends the process.
 """
 
 from __future__ import annotations
@@ -14,7 +16,6 @@ import atexit
 import json
 import mmap
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -23,7 +24,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
-from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
 
@@ -47,16 +47,19 @@ SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0
 BYTES, BYTES_PER_BYTE = 1 << 30, 4
 PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
 STARTING = 60.0  # s, until the process has started
+LENGTH_BYTES = 8  # of a message
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MATLAB_HEADER = 512  # bytes before that signature in files of MATLAB v7.3
 PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_process import main; main()"
 WHOLE = "check that the file is whole and its suffix right, or restore it from a copy"
 LATE = "it was not read in time: the computer is busy, or the disk slow"
+# Statuses of a process that a signal has ended: Windows has no such signals, and no names of them.
+KILLED, ALARMED, PROFILED = -9, -14, -27
 # How the process may end without an answer, where that says nothing about the file.
 ENDS = {
     1: f"the process that reads it did not start: {sys.executable} -P -c ... failed; use another Python",
-    -signal.SIGKILL: "the process that reads it was killed (SIGKILL), most often as memory was short: free memory",
-    -signal.SIGALRM: LATE,
+    KILLED: "the process that reads it was killed (SIGKILL), most often as memory was short: free memory",
+    ALARMED: LATE,
 }
 
 
@@ -115,26 +118,23 @@ def _describe(cause: Exception) -> str:
     return text.partition("\n")[0][:300]
 
 
-# The process that opens files, and the pipe to it.
-_reader: tuple[subprocess.Popen[bytes], Connection] | None = None
+# The process that opens files, with pipes as its standard input and output.
+_reader: subprocess.Popen[bytes] | None = None
 _lock = threading.Lock()
 
 
-def _start() -> tuple[subprocess.Popen[bytes], Connection]:
+def _start() -> subprocess.Popen[bytes]:
     """Start the process that opens files."""
-    pipe, end = Pipe()
     package_folder = str(Path(__file__).parents[2])
-    # -P: files of the current folder that have the name of a module are not imported.
-    command = [sys.executable, "-P", "-c", PROGRAM, package_folder, str(end.fileno())]
-    with end:
-        process = subprocess.Popen(
-            command,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            pass_fds=[end.fileno()],
-            start_new_session=True,
-        )
-    return process, pipe
+    return subprocess.Popen(
+        # -P: files of the current folder that have the name of a module are not imported.
+        [sys.executable, "-P", "-c", PROGRAM, package_folder],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        bufsize=0,
+        start_new_session=True,
+    )
 
 
 @atexit.register
@@ -142,9 +142,8 @@ def stop() -> None:
     """End the process that reads files; the next file starts it again."""
     global _reader
     if _reader is not None:
-        process, _ = _reader
-        process.kill()
-        process.wait()
+        with _reader:
+            _reader.kill()
         _reader = None
 
 
@@ -155,7 +154,8 @@ def _forget() -> None:
     _lock = threading.Lock()
 
 
-os.register_at_fork(after_in_child=_forget)
+if hasattr(os, "register_at_fork"):  # where programs fork
+    os.register_at_fork(after_in_child=_forget)
 
 
 def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dict[str, Variable]:
@@ -174,10 +174,11 @@ def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dic
         "wanted": wanted,
     }
     with _lock:
-        if _reader is None or _reader[0].poll() is not None:
+        if _reader is None or _reader.poll() is not None:
+            stop()
             _reader = _start()
         try:
-            return _exchange(*_reader, request, path.name)
+            return _exchange(_reader, request, path.name)
         except DataError:
             raise
         except BaseException:
@@ -192,7 +193,7 @@ def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dic
 
 
 def _exchange(
-    process: subprocess.Popen[bytes], pipe: Connection, request: dict[str, Any], name: str
+    process: subprocess.Popen[bytes], request: dict[str, Any], name: str
 ) -> dict[str, Variable]:
     """Send a request about a file, and receive variables by role, or end the process if that takes too long."""
     variables: dict[str, Variable] = {}
@@ -206,15 +207,15 @@ def _exchange(
     watch.daemon = True
     watch.start()
     try:
-        pipe.send_bytes(json.dumps(request).encode())
-        while (answer := _receive(pipe, variables)) is None:
+        _send(process.stdin, _line(request))
+        while (answer := _receive_answer(process.stdout, variables)) is None:
             pass
     except (OSError, EOFError):
         status = process.wait()
         end = LATE if is_late.is_set() else ENDS.get(status)
         if end is not None:
             raise ResourceError(f"{name}: {end}; try again.") from None
-        if status == -signal.SIGPROF:
+        if status == PROFILED:
             fault = f"stopped after {request['seconds']:.0f} s, the limit for its size"
         else:
             fault = f"it crashed the process that reads it, status {status}"
@@ -230,9 +231,9 @@ def _exchange(
     return variables
 
 
-def _receive(pipe: Connection, variables: dict[str, Variable]) -> dict[str, Any] | None:
+def _receive_answer(pipe: Any, variables: dict[str, Variable]) -> dict[str, Any] | None:
     """Receive a variable; what else the process answers is the end."""
-    message = pipe.recv_bytes()
+    message = _receive(pipe)
     end = message.index(b"\n") + 1
     answer: dict[str, Any] = json.loads(message[:end])
     if "role" not in answer:
@@ -245,6 +246,40 @@ def _receive(pipe: Connection, variables: dict[str, Variable]) -> dict[str, Any]
         count=answer["count"],
     )
     return None
+
+
+# --- Messages over a pipe without a buffer, of which a fork would have a copy
+
+
+def _line(content: dict[str, Any]) -> bytes:
+    """A line of JSON."""
+    return json.dumps(content).encode() + b"\n"
+
+
+def _send(pipe: Any, message: bytes) -> None:
+    """Send a message behind its length."""
+    for part in (len(message).to_bytes(LENGTH_BYTES, "little"), message):
+        rest = memoryview(part)
+        while rest:
+            rest = rest[pipe.write(rest) :]
+
+
+def _receive(pipe: Any) -> bytearray:
+    """Receive a message."""
+    length = int.from_bytes(_receive_bytes(pipe, LENGTH_BYTES), "little")
+    return _receive_bytes(pipe, length)
+
+
+def _receive_bytes(pipe: Any, length: int) -> bytearray:
+    """Receive so many bytes."""
+    message = bytearray(length)
+    rest = memoryview(message)
+    while rest:
+        count = pipe.readinto(rest)
+        if not count:
+            raise EOFError
+        rest = rest[count:]
+    return message
 
 
 # --- What runs in the other process
@@ -266,19 +301,16 @@ TASKS: dict[str, Any] = {
 
 def main() -> None:
     """Answer requests until the pipe is closed."""
-    pipe = Connection(int(sys.argv[2]))
+    requests = open(0, "rb", buffering=0)
+    answers = open(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)  # what a library prints is no answer
     with suppress(EOFError):
         while True:
-            request = json.loads(pipe.recv_bytes())
-            pipe.send_bytes(_line(_answer(pipe, request)))
+            request = json.loads(_receive(requests))
+            _send(answers, _line(_answer(answers, request)))
 
 
-def _line(answer: dict[str, Any]) -> bytes:
-    """A line of JSON."""
-    return json.dumps(answer).encode() + b"\n"
-
-
-def _answer(pipe: Connection, request: dict[str, Any]) -> dict[str, Any]:
+def _answer(pipe: Any, request: dict[str, Any]) -> dict[str, Any]:
     """Do a task with a file, and send the variables that it gives; its end."""
     path = Path(request["path"])
     memory = request["memory"]
@@ -298,7 +330,7 @@ def _answer(pipe: Connection, request: dict[str, Any]) -> dict[str, Any]:
                     "count": variable.count,
                 }
             )
-            pipe.send_bytes(b"".join([line, np.ravel(numbers).data]))
+            _send(pipe, b"".join([line, np.ravel(numbers).data]))
         return {"warnings": contents.warnings}
     except DataError as error:
         return {"refusal": str(error), "remedy": error.remedy}
@@ -345,9 +377,12 @@ def _limit(seconds: float, memory: int) -> None:
 
     The limit of the memory is one of the address space, in which mapped files count, too.
     """
-    signal.setitimer(signal.ITIMER_PROF, seconds)  # of the processor; their signals end the process
-    signal.setitimer(signal.ITIMER_REAL, PATIENCE * seconds)
-    with suppress(OSError, ValueError):  # not on Linux, or above a limit of the system
+    if hasattr(signal, "setitimer"):  # not on Windows
+        signal.setitimer(signal.ITIMER_PROF, seconds)  # of the processor; they end the process
+        signal.setitimer(signal.ITIMER_REAL, PATIENCE * seconds)
+    with suppress(ImportError, OSError, ValueError):  # not on Linux, or above a limit of the system
+        import resource
+
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         hard_limit = resource.getrlimit(resource.RLIMIT_AS)[1]
         resource.setrlimit(resource.RLIMIT_AS, (pages * mmap.PAGESIZE + memory, hard_limit))

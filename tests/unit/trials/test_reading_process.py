@@ -111,9 +111,9 @@ MEMORY = r"it needs more than 1.1 GB of memory"
 FAILURES = {
     "while True: pass": r"stopped after \d+ s, the limit for its size",
     "x = bytearray(1 << 32)": MEMORY,
-    "os.write(int(sys.argv[2]), bytes([0, 0, 1, 0, 123])); os._exit(0)": "it crashed the process .* status 0",
+    "os.write(3, bytes([9, 0])); os._exit(0)": "it crashed the process .* status 0",
     "os.kill(os.getpid(), 11)": "it crashed the process that reads it, status -11",
-    "raise RecursionError('too deep')": "RecursionError: too deep",
+    "print('{}', flush=True); raise RecursionError('too deep')": "RecursionError: too deep",
 }
 
 
@@ -179,7 +179,7 @@ def test_the_process_ends_with_its_program(tmp_path):
     script = f"""
         from ankleloop.trials import reading_process
         reading_process.read_channels({str(good)!r}, None, "find", variables={{"torque": None}})
-        print(reading_process._reader[0].pid)
+        print(reading_process._reader.pid)
     """
     command = [sys.executable, "-W", "error", "-c", textwrap.dedent(script)]
     run = subprocess.run(command, capture_output=True, timeout=60)
