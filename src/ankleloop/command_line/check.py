@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ankleloop.command_line.reading import FILE, map_trials, reading_options
-from ankleloop.command_line.terminal import COLOURS, echo, show_correction, show_next
+from ankleloop.command_line.terminal import COLOURS, echo, join_words, show_correction, show_next
 from ankleloop.config.recording_settings import Recording, name_trials
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ def check(file: Path, **values: Any) -> int:
         verdicts.add(result.verdict)
     if verdicts == {"refused"}:
         return 1
-    show_next(shlex.join(["ankleloop", "identify", *words[1:]]))
+    show_next(join_words(["ankleloop", "identify", *words[1:]]))
     return 0
 
 

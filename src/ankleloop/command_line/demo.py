@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import webbrowser
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import click
 
 from ankleloop.command_line.identify import identify
 from ankleloop.command_line.reading import FOLDER
-from ankleloop.command_line.terminal import echo, refuse_existing, show_next
+from ankleloop.command_line.terminal import echo, join_words, refuse_existing, show_next
 from ankleloop.quantities import SETTINGS, STIFFNESS
 
 EPILOG = """\b
@@ -82,5 +81,5 @@ def demo(
     page = results / f"{path.stem}.html"
     if opens and not webbrowser.open(page.absolute().as_uri()):
         show_next(f"there is no browser that could be opened: open {page} yourself.")
-    show_next(shlex.join(["ankleloop", "study", "my-study.yaml", *map(str, paths.values())]))
+    show_next(join_words(["ankleloop", "study", "my-study.yaml", *map(str, paths.values())]))
     return 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import glob
+import io
 import logging
 import multiprocessing
 import signal
@@ -62,7 +64,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # What the library logs is for the files of the workflow; here messages say it.
     logging.getLogger("ankleloop").addHandler(logging.NullHandler())
     signal.signal(signal.SIGTERM, _end)
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # ² and σ may be missing in an encoding of Windows
+        sys.stdout.reconfigure(errors="replace")
+    words = []
+    for word in sys.argv[1:] if arguments is None else arguments:
+        # The shells of Windows leave a pattern to the program; a[0] is a part of a file, or its name.
+        files = [] if "[" in word else sorted(glob.glob(word))
+        words += files or [word]
     with warnings.catch_warnings():
         warnings.showwarning = show_warning
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from ankleloop.command_line.check import check_file
 from ankleloop.command_line.reading import FILE, map_file, reading_options
 from ankleloop.command_line.terminal import (
     echo,
+    join_words,
     list_words,
     name_option,
     show_correction,
@@ -85,5 +85,5 @@ def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
         for name, value in values.items()
         if name not in PILOT_ONLY and value is not None and value is not False
     }
-    show_next(shlex.join(["ankleloop", "check", "RECORDING", *list_words(settings)]))
+    show_next(join_words(["ankleloop", "check", "RECORDING", *list_words(settings)]))
     return 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shlex
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +21,7 @@ from ankleloop.command_line.reading import (
     name_recordings,
     reading_options,
 )
-from ankleloop.command_line.terminal import echo, refuse_existing, show_next
+from ankleloop.command_line.terminal import echo, join_words, refuse_existing, show_next
 from ankleloop.config.recording_settings import name_trials
 from ankleloop.options import suggest_name
 
@@ -98,7 +97,7 @@ def study(
     with atomic_file(new, overwrite=overwrite) as partial:
         partial.write_text("\n".join(parts), encoding="utf-8")
     echo(f"\n{new} is written.")
-    command = shlex.join(["snakemake", "--cores", "2", "--configfile", str(new.absolute())])
+    command = join_words(["snakemake", "--cores", "2", "--configfile", str(new.absolute())])
     show_next(f"look through {new}, then, in the folder of the repository: {command}")
     return 0
 

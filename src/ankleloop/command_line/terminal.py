@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -67,7 +68,15 @@ def show_next(step: str) -> None:
 def show_correction(remedy: Mapping[str, Any], words: Sequence[str]) -> None:
     """Show the command of some words with the options of a remedy, if there is one."""
     if remedy:
-        show_next(shlex.join(["ankleloop", *correct(words, remedy)]))
+        show_next(join_words(["ankleloop", *correct(words, remedy)]))
+
+
+def join_words(words: Sequence[str]) -> str:
+    """A command in double quotes, as the shells of all systems know them, unless a sign has a meaning in these."""
+    text = shlex.join(words)
+    if re.search(r"""["$`!]|\\['\\]""", text):
+        return text
+    return text.replace("'", '"')
 
 
 def correct(words: Sequence[str], remedy: Mapping[str, Any]) -> list[str]:

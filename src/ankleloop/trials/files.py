@@ -13,6 +13,7 @@ import hashlib
 import io
 import os
 import platform
+import signal
 import stat
 import threading
 import uuid
@@ -72,7 +73,8 @@ def _write_error(path: Path, cause: OSError) -> DataError | ResourceError:
             f"{fault}: free space in the folder {path.parent}. Nothing has been changed."
         )
     return DataError(
-        f"{fault}: check its name, and that you may write to the folder {path.parent}. Nothing has been changed."
+        f"{fault}: check its name, that you may write to the folder {path.parent}, and that no other program has the "
+        "file open. Nothing has been changed."
     )
 
 
@@ -80,6 +82,8 @@ def _partial_path(path: Path) -> Path:
     """Hidden name beside a file under which this process writes it; removes what killed processes have left there."""
     start = f".{path.name[:FILE_CHARACTERS]}.{platform.node()[:NODE_CHARACTERS]}-"
     for partial in path.parent.glob(f"{glob.escape(start)}*.part"):
+        if hasattr(signal, "CTRL_C_EVENT"):  # which os.kill would send: on Windows they stay
+            break
         with suppress(PermissionError):  # the process of another user lives
             process = int(partial.name.removeprefix(start).partition("-")[0])
             try:

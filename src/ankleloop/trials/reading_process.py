@@ -13,6 +13,7 @@ On Windows neither memory nor the time of the processor is limited: there the wa
 from __future__ import annotations
 
 import atexit
+import io
 import json
 import mmap
 import os
@@ -301,8 +302,8 @@ TASKS: dict[str, Any] = {
 
 def main() -> None:
     """Answer requests until the pipe is closed."""
-    requests = open(0, "rb", buffering=0)
-    answers = open(os.dup(1), "wb", buffering=0)
+    requests = io.FileIO(0)
+    answers = io.FileIO(os.dup(1), "w")
     os.dup2(2, 1)  # what a library prints is no answer
     with suppress(EOFError):
         while True:

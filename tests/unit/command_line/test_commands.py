@@ -106,7 +106,7 @@ def test_warnings_of_the_library_are_lines(run, monkeypatch):
 def test_a_remedy_is_a_command_that_is_ready_to_copy(capsys, remedy, options):
     show_correction(remedy, ["check", "a b.csv"])
     assert capsys.readouterr().err == (
-        f"next: ankleloop check 'a b.csv' {options}\n" if options else ""
+        f'next: ankleloop check "a b.csv" {options}\n' if options else ""
     )
 
 

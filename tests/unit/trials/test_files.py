@@ -235,7 +235,7 @@ def test_a_folder_that_is_read_only(trial):
         )
         os.chmod(folder, 0o755)
     assert (
-        "x.nc: the file cannot be written (Permission denied): check its name, and that you may write"
+        "x.nc: the file cannot be written (Permission denied): check its name, that you may write"
         in run.stderr
     )
 
