@@ -5,13 +5,9 @@
 The standard library itself goes on as it is: it has imported what it needs.
 """
 
-import multiprocessing.pool
 import os
 import signal
-import subprocess
 import sys
-from asyncio import unix_events
-from concurrent.futures import process
 from types import ModuleType
 
 MODULES = ("fcntl", "grp", "posix", "pwd", "resource", "termios")
