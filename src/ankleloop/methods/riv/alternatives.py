@@ -21,7 +21,6 @@ from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 
-EFFECT_ROUNDS = 3  # fits of the size of an effect
 SIGNIFICANT = 3.5  # standard errors
 CERTAIN = 6.0  # standard errors
 SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
@@ -225,7 +224,7 @@ def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
         return alternative
     sizes = np.zeros(step.sizes.size)
     freed = solution
-    for number in range(EFFECT_ROUNDS):
+    for number in range(EFFECTS[name].rounds):
         if number:
             step = find_steps({name: [name]}, freed, origin)[name]
         sizes += step.sizes
@@ -289,6 +288,7 @@ def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Cha
         delay=equations.delay,
         s=band.s,
         transform=band.transform,
+        signals=band.signals,
     )
 
 

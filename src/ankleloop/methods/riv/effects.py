@@ -27,6 +27,7 @@ class Channels:
     delay: float  # of the reflex [s]
     s: np.ndarray  # Laplace variable [rad/s], not zero
     transform: Callable[[np.ndarray], np.ndarray]  # spectra of signals
+    signals: Callable[[np.ndarray], np.ndarray]  # signals of spectra
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Effect:
     advice: str  # what to do
     # Shape (sizes, frequencies) or (frequencies,); None for an effect that is an unknown of the equations.
     differentiate: Callable[[Channels], np.ndarray] | None = None
+    rounds: int = 3  # fits of its size
     one_sided: bool = False  # the opposite is no effect of an instrument
     defines: str | None = (
         None  # parameter that is another one with the effect, and not a wrong one without it
@@ -74,6 +76,11 @@ def _react(channels: Channels) -> np.ndarray:
     return late * channels.motion[0] / (1.0 + REACTION_LAG * channels.s)
 
 
+def _flatten(channels: Channels) -> np.ndarray:
+    """A cube is but the direction of a saturation."""
+    return -channels.transform(channels.signals(channels.recorded) ** 3)
+
+
 def _turn(channels: Channels) -> np.ndarray:
     late = np.exp(-channels.s * channels.delay)
     return channels.response * (channels.rectified - late * channels.motion[1])
@@ -101,6 +108,13 @@ EFFECTS = {
         "measure the friction of the bearing, and subtract it",
         lambda channels: channels.transform(np.sign(channels.velocity)),
         one_sided=True,
+    ),
+    "compression": Effect(
+        lambda size: "a torque that is flat where it is large",
+        "widen the range of the torque sensor",
+        _flatten,
+        one_sided=True,
+        rounds=1,
     ),
     "bend": Effect(
         _describe_bend,

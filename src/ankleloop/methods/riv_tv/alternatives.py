@@ -84,6 +84,7 @@ def _list_channels(solution: TimeVaryingSolution, inputs: Inputs, torque: np.nda
         delay=equations.delay,
         s=np.where(equations.noise.inside, transform.s, 1.0),
         transform=equations.spectra,
+        signals=transform.signals,
     )
 
 
