@@ -21,7 +21,7 @@ from ankleloop.methods.registry import METHODS, identify
 from ankleloop.options import Options, union_members
 from ankleloop.plotting.estimates import torque_figure
 from ankleloop.quantities import QUANTITIES, SETTINGS
-from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.settings import LOAD_SETTINGS, SimulationSettings
 from ankleloop.simulation.simulate import simulate
 
 SEED = 1
@@ -32,7 +32,6 @@ START = {"A": "pr-moesp", "B": "riv"}  # methods at the start
 
 # Lowest and highest value of a slider, and its step; on a logarithmic scale that of the logarithm to base 10.
 Range = tuple[float, float, float]
-LOGARITHMIC = ("load_stiffness", "load_viscosity", "load_inertia")
 SLIDERS: Mapping[str, Range | None] = {
     "load_stiffness": (10.0, 10_000.0, 0.05),
     "load_viscosity": (0.1, 100.0, 0.05),
@@ -105,7 +104,7 @@ def make_widget(model: type[Options], name: str, limits: Range | None) -> widget
     if isinstance(default, int):
         return widgets.IntSlider(min=low, max=high, **slider)
     slider["readout_format"] = ".3g"
-    if name in LOGARITHMIC:
+    if name in LOAD_SETTINGS:
         return widgets.FloatLogSlider(min=np.log10(low), max=np.log10(high), **slider)
     return widgets.FloatSlider(min=low, max=high, **slider)
 

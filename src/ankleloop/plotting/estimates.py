@@ -18,6 +18,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.regressors import TORQUES, split_torques
+from ankleloop.joint.time_varying_course import COORDINATES, TRAJECTORIES
 from ankleloop.plotting.panels import PANEL_COLUMNS, Panel, Styles, curve, draw_panels, finish
 from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, estimate_styles
 from ankleloop.quantities import QUANTITIES
@@ -26,12 +27,6 @@ TORQUE_HEIGHT = 36.0  # mm of a row of panels
 TRAJECTORY_HEIGHT = 44.0
 ESTIMATED = {"ls": (0, (4.0, 1.2)), "lw": 1.0}  # dashes, so that what lies below can be seen
 TARGETS = {"measured": MEASURED, "true (simulated)": TRUE}
-PARAMETERS = ("K", "B", "G", "I")  # in their order; I where it varies
-ABSCISSAE = {
-    "phase": "phase of the cycle [1]",
-    "time": "time from the first sample [s]",
-    "schedule": "scheduling variable",
-}
 BLANK = "#dddddd"  # places at which a parameter is not identified
 TRUTH = "true value"
 ORDINATE_MARGIN = 0.15  # of the range of the truth and the means, at either side
@@ -250,8 +245,9 @@ def trajectories_figure(
         )
     (dimension,) = dimensions
     first = next(iter(curves.values()))
-    xlabel = variable or _label_abscissa(first)
-    names = [name for name in PARAMETERS if any(name in part for part in curves.values())]
+    attributes = first[dimension].attrs
+    xlabel = variable or _label_abscissa(attributes["units"], attributes["long_name"])
+    names = [name for name in TRAJECTORIES if any(name in part for part in curves.values())]
     panels = {name: Panel(QUANTITIES[name].label, xlabel=xlabel) for name in names}
     panels |= {f"excitation of {name}": Panel("excitation [1]", xlabel=xlabel) for name in names}
     parts = []
@@ -291,13 +287,9 @@ def trajectories_figure(
     return finish(figure)
 
 
-def _label_abscissa(trajectories: xr.Dataset) -> str:
+def _label_abscissa(unit: str, name: str) -> str:
     """What trajectories are functions of, with its unit."""
-    variable = trajectories.attrs.get("variable")
-    unit = trajectories.attrs.get("variable_unit")
-    if not variable:
-        return ABSCISSAE[str(next(iter(trajectories.sizes)))]
-    return f"{variable} [{unit}]" if unit else str(variable)
+    return f"{name} [{unit}]" if unit else name
 
 
 def _mark_blanks(axis: Axes, place: np.ndarray, blank: np.ndarray) -> None:
@@ -314,7 +306,7 @@ def mean_trajectories_figure(table: pd.DataFrame, *, styles: Styles) -> DataFigu
 
     The ordinates follow the truth and the means.
     """
-    names = [name for name in PARAMETERS if name in set(table["parameter"])]
+    names = [name for name in TRAJECTORIES if name in set(table["parameter"])]
     panel = table["row"] + table["parameter"]
     table = table.assign(panel=panel, x=table["place"], value=table["mean"])
     truths = table.drop_duplicates(["panel", "place"]).drop(columns=["low", "high"])
@@ -330,7 +322,7 @@ def mean_trajectories_figure(table: pd.DataFrame, *, styles: Styles) -> DataFigu
             QUANTITIES[name].label,
             title=setting if name == names[len(names) // 2] else "",
             limits=(low - margin, high + margin),
-            xlabel=ABSCISSAE[dimension],
+            xlabel=_label_abscissa(*COORDINATES[dimension]),
         )
     looks = {**styles, TRUTH: TRUE}
     return finish(draw_panels(rows, panels, looks, columns=len(names), height=TRAJECTORY_HEIGHT))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from ankleloop.quantities import POINT, QUANTITIES, SETTINGS
+from ankleloop.simulation.settings import LOAD_SETTINGS as LOAD
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.outcomes import Points, Settings, describe_condition
 
@@ -16,7 +17,6 @@ SETTING_NAMES = {
     "snr_db": "signal-to-noise ratio",
     "closed_loop": "loop",
 }
-LOAD = ("load_inertia", "load_viscosity", "load_stiffness")
 SHARED_SETTINGS = (
     *LOAD,
     "duration",

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import xarray as xr
 from matplotlib.patches import Rectangle
 
+from ankleloop.joint.time_varying_course import trajectory_dataset
 from ankleloop.plotting.estimates import trajectories_figure
 
 PLACES = np.linspace(0.0, 1.0, 101)
@@ -15,13 +15,13 @@ PLACES = np.linspace(0.0, 1.0, 101)
 def make_estimate(dimension="phase", blank=slice(0, 0)):
     values = 100.0 + 50.0 * np.sin(2 * np.pi * PLACES)
     values[blank] = np.nan
-    curves = dict.fromkeys("KBG", (dimension, values))
-    curves |= {f"{name}_low": (dimension, values - 5.0) for name in "KBG"}
-    curves |= {f"{name}_high": (dimension, values + 5.0) for name in "KBG"}
+    curves = dict.fromkeys("KBG", values)
+    curves |= {f"{name}_low": values - 5.0 for name in "KBG"}
+    curves |= {f"{name}_high": values + 5.0 for name in "KBG"}
     excitation = np.where(np.isnan(values), 0.001, 1.0)
     return SimpleNamespace(
         method="riv-tv",
-        trajectories=xr.Dataset(curves, coords={dimension: PLACES}),
+        trajectories=trajectory_dataset(dimension, PLACES, curves),
         diagnostics={"excitation": dict.fromkeys("KBG", excitation)},
     )
 
