@@ -1,37 +1,57 @@
 """What Windows lacks is hidden from the programs of Python that have this folder in PYTHONPATH.
 
-    PYTHONPATH=tests/without_posix python -m pytest tests/unit -m "not posix"
+PYTHONPATH=tests/without_posix python -m pytest tests/unit -m "not posix"
 
-The standard library itself goes on as it is: it has imported what it needs.
+The standard library has imported before what it needs. A file that is open cannot be replaced or removed.
 """
 
+import asyncio  # noqa: F401
+import concurrent.futures.process as _  # noqa: F401
+import multiprocessing.pool  # noqa: F401
 import os
 import signal
 import sys
+from contextlib import suppress
 from types import ModuleType
 
-MODULES = ("fcntl", "grp", "posix", "pwd", "resource", "termios")
-FUNCTIONS = ("fork", "geteuid", "getuid", "mkfifo", "register_at_fork", "setsid", "WIFSIGNALED")
-SIGNALS = {"SIGABRT", "SIGFPE", "SIGILL", "SIGINT", "SIGSEGV", "SIGTERM"}
-POSIX = ("ITIMER_", "SIG", "alarm", "getitimer", "pause", "pthread_", "setitimer", "sig")
+with suppress(ImportError):  # the tests have it; another part of it is for Windows
+    import psutil  # noqa: F401
 
-send_signal = os.kill
+MODULES = ("fcntl", "posix", "resource")
+FUNCTIONS = ("fork", "mkfifo", "register_at_fork")
+SIGNALS = ("SIGINT", "SIGTERM", "SIG_DFL", "SIG_IGN", "default_int_handler", "getsignal", "signal")
 
 
-def kill(process, number):
-    """Send a signal, unless it would press Ctrl-C there."""
+def send_signal(process, number, kill=os.kill):
+    """Send a signal, but not the one that presses Ctrl-C on Windows."""
     assert number != 0, "os.kill presses Ctrl-C on Windows"
-    send_signal(process, number)
+    kill(process, number)
 
 
-os.kill = kill
-for name in FUNCTIONS:
-    delattr(os, name)
-sys.modules |= dict.fromkeys(MODULES)
+def refuse_open(change):
+    """The function that changes names of files, which refuses those that this process has open."""
+
+    def change_closed(*paths, **options):
+        for descriptor in os.listdir("/proc/self/fd"):
+            with suppress(FileNotFoundError):  # of the list itself
+                opened = os.readlink(f"/proc/self/fd/{descriptor}")
+                if opened in map(os.path.realpath, paths):
+                    raise PermissionError(13, "The process cannot access the file", opened)
+        return change(*paths, **options)
+
+    return change_closed
+
+
+os.kill = send_signal
+if os.path.exists("/proc/self/fd"):
+    os.replace = refuse_open(os.replace)
+    os.unlink = refuse_open(os.unlink)
+for function in FUNCTIONS:
+    delattr(os, function)
+for module in MODULES:
+    sys.modules[module] = None
 windows_signal = ModuleType("signal")
-for name, value in vars(signal).items():
-    if name in SIGNALS | {"SIG_DFL", "SIG_IGN", "signal"} or not name.startswith(POSIX):
-        setattr(windows_signal, name, value)
 windows_signal.CTRL_C_EVENT = 0
-windows_signal.SIGBREAK = signal.SIGHUP
+for name in SIGNALS:
+    setattr(windows_signal, name, getattr(signal, name))
 sys.modules["signal"] = windows_signal

@@ -349,6 +349,7 @@ def test_the_delay_is_given_or_estimated(recording):
     assert estimated == {"riv": None, "pr-moesp": 0.04}
 
 
+@pytest.mark.posix
 def test_progress_of_another_process(capfd):
     """The analysis runs in a fork: its log shows which method is being fitted."""
     log = logging.getLogger("ankleloop.recordings.analysis")
@@ -487,6 +488,7 @@ def test_a_full_disk_leaves_the_results_of_an_earlier_run(run, recording, tmp_pa
     ] * 2
 
 
+@pytest.mark.posix
 def test_a_program_that_is_ended_leaves_no_temporary_folder(recording, tmp_path):
     program = """
 import sys, time

@@ -85,6 +85,7 @@ def test_wherever_a_file_is_cut_off_no_number_changes_in_silence(tmp_path, cut):
     np.testing.assert_allclose(values["position"], 0.01 * np.arange(count), atol=1e-12)
 
 
+@pytest.mark.posix
 def test_a_file_without_permission(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(HEADER + ROWS)

@@ -135,6 +135,7 @@ def detour(path):
 # --- What is no file
 
 
+@pytest.mark.posix
 def test_outputs_that_are_no_files(tmp_path):
     for path, message in (
         (tmp_path, "this is a folder or a device"),
@@ -154,6 +155,7 @@ def test_outputs_that_are_no_files(tmp_path):
             write_text(tmp_path / name)
 
 
+@pytest.mark.posix
 def test_inputs_that_are_no_files(tmp_path):
     (tmp_path / "lost.nc").symlink_to("nowhere.nc")
     for path, message in (
@@ -195,6 +197,7 @@ for (limit, exists), writer in product(((4, False), (20_000, True)), test_files.
 """
 
 
+@pytest.mark.posix
 def test_a_full_disk_leaves_the_good_file_and_nothing_else(tmp_path):
     """A file that reaches the limit of its size fails like one on a full disk; HDF5 alone would crash the process."""
     command = [sys.executable, "-c", LIMITED, str(Path(__file__).parent), str(tmp_path)]
@@ -219,6 +222,7 @@ def test_a_full_disk_leaves_the_good_file_and_nothing_else(tmp_path):
         )
 
 
+@pytest.mark.posix
 def test_a_folder_that_is_read_only(trial):
     with pytest.raises(
         DataError, match=r"^/sys/x.nc: the file cannot be written \(.*\): .*the folder /sys"
@@ -259,6 +263,7 @@ def start_writer(path):
     return process
 
 
+@pytest.mark.posix
 def test_the_partial_file_of_a_killed_writer_is_removed_and_that_of_a_living_one_is_not(tmp_path):
     path = tmp_path / "torques.nc"
     dead, living = start_writer(path), start_writer(path)
@@ -278,6 +283,7 @@ def test_the_partial_file_of_a_killed_writer_is_removed_and_that_of_a_living_one
 
 
 @pytest.mark.parametrize("name", ["a[b]*?.nc", "ä" * 120 + ".nc", "x" * 250])
+@pytest.mark.posix
 def test_partial_files_of_unusual_names(tmp_path, name):
     write_text(tmp_path / name)
     assert os.listdir(tmp_path) == [name]

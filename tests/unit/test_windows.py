@@ -1,0 +1,73 @@
+"""The library and the command line without what Windows lacks: see tests/without_posix."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.posix  # it is hidden here, and missing there
+TESTS = Path(__file__).parents[1]
+FOLDERS = f"{TESTS / 'without_posix'}{os.pathsep}{TESTS.parent / 'src'}"
+FILES = """
+import signal
+import ankleloop
+from ankleloop.trials.recording_files import write_recording
+assert not hasattr(signal, "SIGKILL")
+simulated = ankleloop.simulate(seed=1, duration=20.0)
+write_recording(simulated, "Sa.csv", "csv")
+write_recording(simulated, "Sb.mat", "matlab-5")
+write_recording(simulated, "Sc.h5", "hdf5")
+"""
+LIBRARY = """
+import numpy as np
+for name in ("Sa.csv", "Sb.mat", "Sc.h5"):
+    trial = ankleloop.read_trial(name)
+    np.testing.assert_allclose(trial["position"], simulated["position"])
+    ankleloop.save_trial(trial, "trial.nc", overwrite=True)
+    assert ankleloop.load_trial("trial.nc").identical(trial)
+    try:
+        ankleloop.read_trial(name, torque="moment")
+    except ankleloop.DataError as error:
+        print(error)
+estimate = ankleloop.identify(trial, "pr-moesp")
+for _ in range(2):
+    ankleloop.save_estimate(estimate, "estimate.nc", overwrite=True)
+    assert str(ankleloop.load_estimate("estimate.nc")) == str(estimate)
+"""
+COMMANDS = """
+from types import SimpleNamespace
+import ankleloop.jobs.recordings
+from ankleloop.command_line.main import main
+ankleloop.jobs.recordings.sys = SimpleNamespace(platform="win32")
+assert main(["check", "*.csv", "--position", "angle_deg"]) == 0
+words = ["identify", "S*.*", "--method", "pr-moesp", "--output", "results"]
+assert main(words) == 0
+assert main([*words, "--overwrite"]) == 0
+"""
+
+
+def run(program, folder):
+    """Run a program without POSIX in a folder; what it prints."""
+    process = subprocess.run(
+        [sys.executable, "-c", FILES + program],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": FOLDERS, "PYTHONIOENCODING": "cp1252"},
+        capture_output=True,
+        encoding="cp1252",
+    )
+    assert process.returncode == 0, process.stdout + process.stderr
+    return process.stdout + process.stderr
+
+
+def test_the_library(tmp_path):
+    assert run(LIBRARY, tmp_path).count("there is no variable 'moment'") == 3
+
+
+def test_the_command_line(tmp_path):
+    output = run(COMMANDS, tmp_path)
+    assert "in N·m" in output
+    assert "next: ankleloop identify Sa.csv --position angle_deg" in output
+    assert output.count("recording 3 of 3: Sc (Sc.h5)") == 2
+    assert {path.name for path in (tmp_path / "results").iterdir()} >= {"Sa.html", "Sc.html"}
