@@ -56,7 +56,7 @@ def test_check(run, recording):
     assert lines[0] == "S1 (pre).csv"
     assert "  position  angle_deg, in deg (stated by the file), sign +1" in lines
     assert re.search(r"^      ok  loop: closed", result.out, re.MULTILINE)
-    assert f"next: ankleloop identify '{recording}'" in result.err
+    assert f'next: ankleloop identify "{recording}"' in result.err
 
 
 @pytest.mark.parametrize(
