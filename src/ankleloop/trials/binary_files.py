@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,7 +17,7 @@ from ankleloop.errors import DataError
 from ankleloop.signals.sampling import rate_of_interval
 from ankleloop.trials.contents import Contents, Variable, as_text
 from ankleloop.trials.files import UnreadableError
-from ankleloop.trials.matlab_values import fold_numbers, load_parts
+from ankleloop.trials.matlab_values import load_parts
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 # Classes of MATLAB whose variables are read when they are asked for.
@@ -30,27 +28,7 @@ FLB_LEVELS = 65535  # of format -2, from the lower end of the range to the upper
 LISTED_CASES = 30  # that a message has
 
 
-class MatlabContents(Contents):
-    """Variables of a file that may have values of MATLAB: struct and cell arrays, tables and other objects."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._parts: dict[str, dict[str, Variable]] = {}  # of each value
-
-    def load_parts(self, name: str) -> dict[str, Variable]:
-        """The variables in such a value by their full names, all of which mat-io reads at once."""
-        if name not in self._parts:
-            self._parts[name] = load_parts(self.path, name)
-        return self._parts[name]
-
-    def list_parts(self, name: str) -> list[str]:
-        """Names of the variables in a value; none where it cannot be read, which is refused where it is wanted."""
-        with suppress(Exception):
-            return fold_numbers(self.load_parts(name))
-        return []
-
-
-class Hdf5Contents(MatlabContents):
+class Hdf5Contents(Contents):
     """Variables of an HDF5 file.
 
     Links are followed within the file. Samples outside of it (external links, external storage, virtual data sets) are
@@ -61,37 +39,38 @@ class Hdf5Contents(MatlabContents):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self.separator = "." if path.name.lower().endswith(".mat") else "/"
+        self._separator = "." if path.name.lower().endswith(".mat") else "/"
         self._file = h5py.File(path, "r")
         self._values = [name for name in self._file if _has_references(self._file.get(name))]
+        self._file.visititems(self._add)
+        for name in self._values:  # of which mat-io reads virtual data sets as zeros
+            self._file.visititems(lambda path, node: self._check_place(node, path))
+            self.variables += load_parts(path, name)
 
-    def open(self, name: str) -> Variable | None:
-        """Variable, or field of records, of a full name; None if there is none."""
-        value = _first_name(name)
-        if value in self._values:
-            if value not in self._parts:
-                self._file.visititems(lambda path, node: self._check_place(node, path))
-            return self.load_parts(value).get(name)
-        node = self._resolve(name)
-        if node is None:
-            return self._open_field(*name.rpartition(".")[::2])
-        if not _is_variable(node) or node.dtype.names:
-            return None
-        self._check_place(node, name)
+    def _add(self, path: str, node: Any) -> None:
+        """Add a variable; MATLAB's internals, #refs# and #subsystem#, are left out."""
+        if not path.startswith("#") and path.partition("/")[0] not in self._values:
+            self.variables += self._list_variables(path.replace("/", self._separator), node)
+
+    def _list_variables(self, name: str, node: Any) -> list[Variable]:
+        """The variable of a data set, or one for each field of records."""
+        if not _is_variable(node):
+            return []
         shape = (0,) if node.shape is None else node.shape
-        read = partial(node.__getitem__, ...)
-        if "MATLAB_class" in node.attrs:
-            return Variable(name, shape[::-1], lambda: read().T, node.attrs)
-        return Variable(name, shape, read, node.attrs)
 
-    def _open_field(self, name: str, field: str) -> Variable | None:
-        """Field of records; None if there is none."""
-        records = self._resolve(name)
-        if not _is_variable(records) or field not in (records.dtype.names or ()):
-            return None
-        self._check_place(records, name)
-        shape = records.shape + records.dtype[field].shape
-        return Variable(f"{name}.{field}", shape, partial(records.__getitem__, field))
+        def read(key: Any) -> np.ndarray:
+            self._check_place(node, name)
+            samples: np.ndarray = node[key]
+            return samples
+
+        if node.dtype.names:
+            return [
+                Variable(f"{name}.{field}", shape + node.dtype[field].shape, partial(read, field))
+                for field in node.dtype.names
+            ]
+        if "MATLAB_class" in node.attrs:
+            return [Variable(name, shape[::-1], lambda: read(...).T, node.attrs)]
+        return [Variable(name, shape, partial(read, ...), node.attrs)]
 
     def _check_place(self, node: Any, name: str) -> None:
         """Refuse samples in other files."""
@@ -103,88 +82,57 @@ class Hdf5Contents(MatlabContents):
                 "h5repack or with MATLAB."
             )
 
-    def names(self) -> Iterator[str]:
-        """Full names of the variables, and of their parts."""
-        for path in self.paths():
-            node = self._resolve(path)
-            if _is_variable(node) and _first_name(path) not in self._values:
-                fields = node.dtype.names
-                yield from (f"{path}.{field}" for field in fields) if fields else (path,)
-        for value in self._values:
-            yield from self.list_parts(value)
-
-    def paths(self) -> list[str]:
-        """Full names of variables and groups; MATLAB's internals, #refs# and #subsystem#, are left out."""
-        paths: list[str] = []
-        self._file.visit(paths.append)
-        return [path.replace("/", self.separator) for path in paths if not path.startswith("#")]
+    def open(self, name: str) -> Variable | None:
+        """Variable of a full name, also behind a link; None if there is none."""
+        variable = super().open(name)
+        if variable is not None:
+            return variable
+        linked = self._list_variables(name, self._resolve(name))
+        return next((variable for variable in linked if variable.name == name), None)
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, a group, or of the file, whose name is empty."""
         return getattr(self._resolve(owner), "attrs", {})
 
-    def join(self, owner: str, name: str) -> str:
-        """Full name of a variable of a group; the fields of records are behind a point."""
-        if owner and not isinstance(self._resolve(owner), h5py.Group):
-            return f"{owner}.{name}"
-        return super().join(owner, name)
-
     def _resolve(self, name: str) -> Any:
         """Object of a full name; None if there is none."""
-        return self._file.get(name.replace(self.separator, "/") or "/")
+        return self._file.get(name.replace(self._separator, "/") or "/")
 
 
 def _is_variable(node: Any) -> bool:
-    """Whether an object is a data set, and no references, nor the zeros of a dimension of NetCDF without a variable."""
-    if not isinstance(node, h5py.Dataset) or h5py.check_ref_dtype(node.dtype) is not None:
+    """Whether an object is a data set, and no value of MATLAB, nor the zeros of a dimension of NetCDF."""
+    if not isinstance(node, h5py.Dataset) or _is_value(node):
         return False
     return not as_text(node.attrs.get("NAME")).startswith(NO_VARIABLE)
 
 
-def _first_name(name: str) -> str:
-    """Name of the variable of a MATLAB file in which something is."""
-    return re.split(r"[.\[]", name)[0]
+def _is_value(node: Any) -> bool:
+    """Whether an object is one of MATLAB, a text, or has references, as struct and cell arrays have."""
+    is_object = "MATLAB_object_decode" in node.attrs
+    is_text = as_text(node.attrs.get("MATLAB_class")) == "char"
+    return is_object or is_text or h5py.check_ref_dtype(getattr(node, "dtype", None)) is not None
 
 
 def _has_references(node: Any) -> bool:
-    """Whether a variable of MATLAB is an object, or has references in it, as struct and cell arrays have."""
+    """Whether a variable of MATLAB is, or has in it, what mat-io reads."""
     if node is None or not node.attrs.keys() & {"MATLAB_class", "MATLAB_fields"}:
         return False
     parts = [node]
     if isinstance(node, h5py.Group):
         node.visititems(lambda _, part: parts.append(part))
-    return any(
-        "MATLAB_object_decode" in part.attrs or h5py.check_ref_dtype(getattr(part, "dtype", None))
-        for part in parts
-    )
+    return any(map(_is_value, parts))
 
 
-class MatContents(MatlabContents):
-    """Variables of a MATLAB file before v7.3."""
-
-    separator = "."
+class MatContents(Contents):
+    """Variables of a MATLAB file before v7.3; arrays of numbers are read when they are asked for."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._kinds = whosmat(path)
-
-    def open(self, name: str) -> Variable | None:
-        """Variable of a full name, which is read when it is asked for, or a part of a value; None if there is none."""
-        if self._has_numbers(name):
-            shape = self._kinds[name][0]
-            return Variable(name, shape, partial(self._read, name))
-        value = _first_name(name)
-        is_value = value in self._kinds and not self._has_numbers(value)
-        return self.load_parts(value).get(name) if is_value else None
-
-    def names(self) -> Iterator[str]:
-        """Full names of the variables, and of those in values."""
-        for name in self._kinds:
-            yield from [name] if self._has_numbers(name) else self.list_parts(name)
-
-    def _has_numbers(self, name: str) -> bool:
-        """Whether a variable is an array of numbers, or a text."""
-        return name in self._kinds and self._kinds[name][1].removeprefix("complex ") in NUMBERS
+        for name, (shape, kind) in whosmat(path).items():
+            if kind.removeprefix("complex ") in NUMBERS:
+                self.variables.append(Variable(name, shape, partial(self._read, name)))
+            else:
+                self.variables += load_parts(path, name)
 
     def _read(self, name: str) -> np.ndarray:
         samples: np.ndarray = load_from_mat(self.path, variable_names=[name])[name]
@@ -196,16 +144,12 @@ class ClassicNetcdfContents(Contents):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._file = scipy.io.netcdf_file(path, "r", mmap=True, maskandscale=False)
-        for name, node in self._file.variables.items():
+        file = scipy.io.netcdf_file(path, "r", mmap=True, maskandscale=False)
+        self.file_attributes = file._attributes
+        for name, node in file.variables.items():
             samples = node.data
             variable = Variable(name, samples.shape, samples.view, node._attributes)
             self.variables.append(variable)
-
-    def attributes(self, owner: str) -> Mapping[str, Any]:
-        """Attributes of a variable, or of the file, whose name is empty."""
-        node = self._file.variables.get(owner) if owner else self._file
-        return getattr(node, "_attributes", {})
 
 
 @dataclass(frozen=True)
@@ -245,12 +189,8 @@ class FlbContents(Contents):
             raise DataError(
                 f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1."
             )
-        self._case = cases[number - 1]
-        self.variables = self._case.variables
-
-    def attributes(self, owner: str) -> Mapping[str, Any]:
-        """The sampling rate, which belongs to the file."""
-        return {} if owner else {"sampling_rate": self._case.rate}
+        self.variables = cases[number - 1].variables
+        self.file_attributes = {"sampling_rate": cases[number - 1].rate}
 
 
 def _read_case(file: BinaryIO, content: np.ndarray, number: int) -> FlbCase:

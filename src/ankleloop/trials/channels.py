@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.contents import Contents, Variable, as_text, is_nwb, list_owners
+from ankleloop.trials.contents import Contents, Variable, as_text, is_nwb
 from ankleloop.trials.units import RATE_UNITS, is_time
 
 # Unit and long name of each variable that the library writes.
@@ -56,16 +56,14 @@ OTHER_WORDS |= {"unit", "units", "name", "label"}
 def find_names(contents: Contents, variables: Mapping[str, str | None]) -> dict[str, str]:
     """Names in the file by role: those that are stated, and of channels without one those that say the channel."""
     taken = {name.lstrip("/") for name in variables.values() if name is not None}
-    paths: list[str] = []
-    if None in variables.values():
-        paths = list(dict.fromkeys([*contents.paths(), *contents.names()]))
+    paths = contents.names() if None in variables.values() else []
     names: dict[str, str] = {}
     for role, stated in variables.items():
         name = stated
         if stated is None and role not in (*paths, *taken) and contents.find(role) is not None:
-            name = role  # a link of HDF5, which is no path
+            name = role  # a link of HDF5, which is not among the names
         elif stated is None:
-            own = _list_own(paths, contents, names["position"]) if "position" in names else paths
+            own = _list_own(contents, names["position"]) if "position" in names else paths
             name = _find_channel(role, contents, [path for path in own if path not in taken])
         if name is not None:
             taken.add(name)
@@ -73,22 +71,17 @@ def find_names(contents: Contents, variables: Mapping[str, str | None]) -> dict[
     return names
 
 
-def _list_own(paths: Sequence[str], contents: Contents, position: str) -> list[str]:
-    """Names of variables of the trial of a position: none beside another position, and a number in place of *."""
+def _list_own(contents: Contents, position: str) -> list[str]:
+    """Names of variables that may belong to a position: none beside another position."""
     position = position.lstrip("/")
+    names = contents.names()
     if contents.find(position) is None:  # which is refused when it is read
-        return list(paths)
-    owners = list_owners(position)
-    own = []
-    others = set()
-    for path in paths:
-        array, star, rest = path.partition("[*]")
-        number = re.match(rf"{re.escape(array)}(\[[^\]]*\])", position) if star else None
-        own.append(f"{array}{number[1]}{rest}" if number else path)
-        if _channel_of(path) == "position":
-            others.add(list_owners(own[-1])[1])
-    others -= set(owners)
-    return [path for path in own if list_owners(path)[1] not in others]
+        return names
+    if "*" not in position:
+        names = [variable.name for variable in contents.variables]
+    positions = [name for name in names if _channel_of(name) == "position"]
+    others = {contents.prefixes(name)[1] for name in positions} - {*contents.prefixes(position)}
+    return [name for name in names if contents.prefixes(name)[1] not in others]
 
 
 def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str | None:
@@ -97,30 +90,24 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `CHANNEL_WORDS`:
     `ankle_angle` and `AnkleAngle` are positions, `angle_command` is a reference.
     """
-    fitting = [
-        name for name in names if _channel_of(name) == channel and _has_samples(contents, name)
-    ]
-    source = contents.path.name
+    called = [name for name in names if _channel_of(name) == channel]
+    fitting = [name for name in called if _has_samples(contents, name)]
     if len(fitting) == 1:
         return fitting[0]
     if channel == "reference" and not fitting:
         return None
-    everything = [name for name in contents.names() if _has_samples(contents, name)]
-    listed = contents.describe(everything)
     if fitting:
-        fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}. Name one of them."
-        if any(list_owners(name)[1] for name in fitting):  # of groups or objects
-            fault += f" The file has: {listed}."
-        raise DataError(f"{source}: {fault}", remedy={channel: None})
-    words = " or ".join(CHANNEL_WORDS[channel])
-    fault = f"no variable is called {words}, so that it would be the {channel}"
-    for name in names:
-        if _channel_of(name) == channel and contents.find(name) is not None:
-            fault = f"{name} is a single number, and no {channel}"
-    matrices = [variable for name in everything if (variable := contents.require(name)).is_matrix]
+        fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}"
+    elif called:
+        fault = f"{called[0]} is a single number, and no {channel}"
+    else:
+        words = " or ".join(CHANNEL_WORDS[channel])
+        fault = f"no variable is called {words}, so that it would be the {channel}"
+    others = [name for name in contents.names() if _has_samples(contents, name)]
+    matrices = [variable for variable in map(contents.require, others) if variable.is_matrix]
     part = f", or a part of one, as {matrices[0].name_channel()!r}" if matrices else ""
     raise DataError(
-        f"{source}: {fault}; the file has: {listed}. Name one of these{part}.",
+        f"{contents.path.name}: {fault}; the file has: {contents.describe(others)}. Name one of these{part}.",
         remedy={channel: None},
     )
 
@@ -182,9 +169,9 @@ def read_channels(
     names = find_names(contents, variables)
     selected = {role: contents.require(name) for role, name in names.items()}
     _check_channels(contents, selected)
-    group = list_owners(selected["torque"].name)[1]
+    group = contents.prefixes(selected["torque"].name)[1]
     for role in TRUE_TORQUES:
-        variable = contents.find(contents.join(group, role))
+        variable = contents.find(f"{group}{role}")
         if variable is not None:
             selected[role] = variable
     for role, variable in selected.items():
@@ -193,13 +180,13 @@ def read_channels(
         if role.startswith(CHANNELS) and option not in stated:
             _check_scale(described, option, source=contents.path.name)
         yield role, described, contents.read_numbers(described)
-    owners = list_owners(selected["position"].name.lstrip("/"))
+    position = selected["position"].name.lstrip("/")
     if time == FOUND:
         taken = [variable.name for variable in selected.values()]
-        time = next(_find_times(contents, owners, taken), None)
+        time = next(_find_times(contents, position, taken), None)
     if time not in (None, NONE):
         yield (TIME, *_read_times(contents, contents.require(time)))
-    rates = _find_rates(contents, owners, rate)
+    rates = _find_rates(contents, position, rate)
     if rates:
         numbers = np.array([*rates.values()])
         yield RATE, Variable(" and ".join(rates), numbers.shape, numbers.copy), numbers
@@ -213,30 +200,25 @@ def _check_channels(contents: Contents, channels: Mapping[str, Variable]) -> Non
         if variable.is_matrix or variable.count is not None
     }
     for role, part in parts.items():
-        variable = channels[role]
-        is_meant = variable.count is not None or _channel_of(variable.name) == role
         raise DataError(
-            f"{contents.path.name}: {contents.describe([variable.name])} is no single channel: name one, counted from "
-            f"0, as {role}={part!r}. Where several recordings can be, a * in place of its number stands for all.",
-            remedy=parts
-            if is_meant
-            else {role: None},  # which column of a matrix, only the user knows
+            f"{contents.path.name}: {contents.describe([channels[role].name])} is no single channel: name one, counted "
+            f"from 0, as {role}={part!r}. Where several recordings can be, a * in place of its number stands for all.",
+            remedy=parts,
         )
 
 
 def _describe(contents: Contents, variable: Variable) -> Variable:
     """A variable with its unit and its scale, where they stand beside it: in its struct, or as its name with a word."""
-    owner, separator, last = variable.name.rpartition(contents.separator)
-    start = f"{owner}{separator}" if last.lower() in PLAIN_NAMES else f"{variable.name}_"
+    prefix = contents.prefixes(variable.name)[1]
+    is_plain = variable.name.removeprefix(prefix).lower() in PLAIN_NAMES
+    start = prefix if is_plain else f"{variable.name}_"
     attributes: dict[str, Any] = {}
     for word in ("unit", "units", *SCALES):
         part = contents.find(f"{start}{word}")
         if part is None:
             continue
         values = np.ravel(part.read())
-        if as_text(part.attributes.get("MATLAB_class")) == "char":  # of v7.3, by its numbers
-            attributes[word] = "".join(map(chr, values))
-        elif values.size == 1:
+        if values.size == 1:
             attributes[word] = values[0]
     return replace(variable, attributes={**variable.attributes, **attributes})
 
@@ -254,19 +236,17 @@ def _check_scale(variable: Variable, option: str, *, source: str) -> None:
             )
 
 
-def _find_times(contents: Contents, owners: Sequence[str], taken: Sequence[str]) -> Iterator[str]:
+def _find_times(contents: Contents, position: str, taken: Sequence[str]) -> Iterator[str]:
     """Names of what may be the times, the nearest to the position first."""
-    names = _list_own(list(contents.names()), contents, owners[0])
-    for owner in owners:
+    names = [name for name in _list_own(contents, position) if name not in taken]
+    for prefix in contents.prefixes(position):
         for name in names:
-            is_column = contents.kind == "columns"
-            last = name if is_column else name[len(owner) :].lstrip("/.")
-            is_within = is_column or list_owners(name)[1] == owner
-            if not is_within or name in taken or not _has_samples(contents, name):
-                continue
-            with suppress(DataError):
-                if is_time(last) or is_time(contents.require(name).unit):
-                    yield name
+            is_beside = contents.prefixes(name)[1] == prefix
+            if is_beside and _has_samples(contents, name):
+                with suppress(DataError):
+                    unit = contents.require(name).unit
+                    if is_time(name.removeprefix(prefix)) or is_time(unit):
+                        yield name
 
 
 def _read_times(contents: Contents, variable: Variable) -> tuple[Variable, np.ndarray]:
@@ -276,26 +256,23 @@ def _read_times(contents: Contents, variable: Variable) -> tuple[Variable, np.nd
         return variable, contents.read_numbers(variable)
     import pandas as pd
 
-    variable = replace(variable, attributes={"units": "s"})
     texts = [as_text(value).replace(",", ".") for value in values.tolist()]
-    if texts[0].count(":") == 1:  # minutes and seconds
-        texts = [f"0:{text}" for text in texts]
     clock = pd.to_timedelta(texts, errors="coerce")
-    if clock.notna().all():
-        return variable, np.unwrap(clock.total_seconds(), period=86400.0)  # beyond midnight
-    dates = pd.to_datetime(texts, format="mixed", errors="coerce")
-    return variable, np.array((dates - dates[0]).total_seconds())
+    if clock.isna().all():
+        dates = pd.to_datetime(texts, format="mixed", errors="coerce")
+        clock = dates - dates[0]
+    seconds = clock.total_seconds().to_numpy()
+    midnights = np.cumsum(np.diff(seconds, prepend=seconds[0]) < 0.0)
+    return replace(variable, attributes={"units": "s"}), seconds + 86400.0 * midnights
 
 
-def _find_rates(
-    contents: Contents, owners: Sequence[str], stated: float | None
-) -> dict[str, float]:
+def _find_rates(contents: Contents, position: str, stated: float | None) -> dict[str, float]:
     """The sampling rates [Hz] that are nearest to the position, by name.
 
     One that cannot be read is left out where a rate is stated: it contradicts nothing.
     """
-    for owner in owners:
-        numbers = [contents.find_number(owner, name) for name in RATE_NAMES]
+    for prefix in contents.prefixes(position):
+        numbers = [contents.find_number(prefix, name) for name in RATE_NAMES]
         rates = {
             number.name: _read_rate(number, stated, source=contents.path.name)
             for number in numbers

@@ -15,6 +15,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import count, islice, takewhile
 from pathlib import Path
 from typing import Any
@@ -84,10 +85,9 @@ def number_trial(name: str, number: int) -> str:
     return STAR.sub(rf"\g<1>{number}", name, count=1)
 
 
-def list_owners(name: str) -> list[str]:
-    """A variable and what it may belong to, the nearest first; the last one is the file, whose name is empty."""
-    ends = [match.start() for match in re.finditer(r"[/.\[]", name)]
-    return [name, *(name[:end] for end in reversed(ends)), ""]
+def fold_numbers(names: Iterable[str]) -> list[str]:
+    """Names with a * in place of the number of an element, each once."""
+    return list(dict.fromkeys(re.sub(r"\[\d+\]", "[*]", name, count=1) for name in names))
 
 
 def as_text(value: Any) -> str:
@@ -119,13 +119,21 @@ def list_names(names: Iterable[str]) -> str:
 class Contents:
     """Variables and attributes of an open file."""
 
-    separator = "/"  # joins the names of groups or structs
     kind = "variables"  # what a table or a sequence of cases calls them
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.variables: list[Variable] = []
+        self.file_attributes: Mapping[str, Any] = {}
         self.warnings: list[str] = []  # for who reads the file
+
+    @cached_property
+    def _by_name(self) -> dict[str, list[Variable]]:
+        """Variables by full name; damaged and careless files have several of one."""
+        variables: dict[str, list[Variable]] = {}
+        for variable in self.variables:
+            variables.setdefault(variable.name, []).append(variable)
+        return variables
 
     def find(self, name: str) -> Variable | None:
         """Variable, or part of one, of a full name; None if there is none."""
@@ -152,27 +160,29 @@ class Contents:
 
     def open(self, name: str) -> Variable | None:
         """Variable of a full name, parts of a matrix aside; None if there is none."""
-        places = [
-            place for place, variable in enumerate(self.variables, 1) if variable.name == name
-        ]
-        if len(places) > 1:
+        variables = self._by_name.get(name, [])
+        if len(variables) > 1:
             raise DataError(
-                f"{self.path.name}: {len(places)} {self.kind} are called {name!r} ({self.kind} "
-                f"{', '.join(map(str, places))}): give each a name of its own."
+                f"{self.path.name}: {len(variables)} {self.kind} are called {name!r}: give each a name of its own."
             )
-        return self.variables[places[0] - 1] if places else None
+        return variables[0] if variables else None
 
-    def names(self) -> Iterable[str]:
-        """Full names of the variables."""
-        return [variable.name for variable in self.variables if variable.name]
+    def names(self) -> list[str]:
+        """Full names of the variables, with a * for the numbers of all trials of MATLAB."""
+        names = [name for name in self._by_name if name]
+        return fold_numbers(names) if self.path.name.lower().endswith(".mat") else names
 
-    def paths(self) -> Iterable[str]:
-        """Full names of the variables, and of what may stand beside them, as groups."""
-        return self.names()
+    def prefixes(self, name: str) -> list[str]:
+        """Starts of names of what a variable may belong to, the nearest first: itself, structs or groups, the file."""
+        ends = [match.end() for match in re.finditer(r"[/.\[]", name)]
+        return [f"{name}/", *(name[:end] for end in reversed(ends)), ""]
 
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, a group, or of the file, whose name is empty."""
-        return {}
+        variable = self.open(owner)
+        if variable is None:
+            return {} if owner else self.file_attributes
+        return variable.attributes
 
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file."""
@@ -207,16 +217,12 @@ class Contents:
                 return f"{name} {variable.shape} (first samples {samples})"
         return name
 
-    def join(self, owner: str, name: str) -> str:
-        """Full name of a variable of a group, struct, table or object; that of the file is empty."""
-        return f"{owner}{self.separator}{name}" if owner else name
-
-    def find_number(self, owner: str, name: str) -> Variable | None:
+    def find_number(self, prefix: str, name: str) -> Variable | None:
         """Variable of a single value beside others, or else attribute; None if there is neither."""
-        full_name = self.join(owner, name)
+        full_name = f"{prefix}{name}"
         variable = self.find(full_name)
         if variable is None:
-            value = self.attributes(owner).get(name)
+            value = self.attributes(prefix[:-1]).get(name)
             if value is None:
                 return None
             variable = Variable(full_name, np.shape(value), lambda: value)

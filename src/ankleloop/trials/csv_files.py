@@ -33,7 +33,6 @@ class CsvContents(Contents):
     fewer.
     """
 
-    separator = "\n"  # columns are in no groups
     kind = "columns"
 
     def __init__(self, path: Path) -> None:
@@ -89,7 +88,11 @@ class CsvContents(Contents):
         self._names = [names[0].lstrip("#% "), *names[1:]]
         return units if has_units else []
 
-    def find_number(self, owner: str, name: str) -> Variable | None:
+    def prefixes(self, name: str) -> list[str]:
+        """Columns are in no groups, whatever their names have."""
+        return [f"{name}/", ""]
+
+    def find_number(self, prefix: str, name: str) -> Variable | None:
         """A column that has one number in all of its rows, or in some."""
         variable = self.find(name)
         cells = np.empty(0) if variable is None else variable.read()

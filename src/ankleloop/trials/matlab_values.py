@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -25,15 +25,12 @@ pa.set_memory_pool(pa.system_memory_pool())
 UNSTATED_UNIT = "default units"  # what nldat writes where nobody has stated one
 
 
-def load_parts(path: Path, name: str) -> dict[str, Variable]:
-    """The variables in a value of a MATLAB file, by their full names."""
-    values = load_from_mat(path, variable_names=[name], add_table_attrs=True, spmatrix=False)
-    return {variable.name: variable for variable in _list_parts(values[name], name)}
-
-
-def fold_numbers(names: Iterable[str]) -> list[str]:
-    """Names with a * in place of the number of an element, each once."""
-    return list(dict.fromkeys(re.sub(r"\[\d+\]", "[*]", name, count=1) for name in names))
+def load_parts(path: Path, name: str) -> list[Variable]:
+    """The variables in a value of a MATLAB file, by their full names; none where mat-io cannot read it."""
+    with suppress(Exception):
+        values = load_from_mat(path, variable_names=[name], add_table_attrs=True, spmatrix=False)
+        return list(_list_parts(values[name], name))
+    return []
 
 
 def _list_parts(value: Any, name: str) -> Iterator[Variable]:

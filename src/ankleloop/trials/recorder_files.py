@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -37,11 +35,7 @@ class C3dContents(Contents):
             samples = np.array(row)
             attributes = {"units": unit.strip()}
             self.variables.append(Variable(name.strip(), row.shape, samples.view, attributes))
-        self._rate = float(analog["RATE"]["value"][0])
-
-    def attributes(self, owner: str) -> Mapping[str, Any]:
-        """The sampling rate, which belongs to the file."""
-        return {} if owner else {"sampling_rate": self._rate}
+        self.file_attributes = {"sampling_rate": float(analog["RATE"]["value"][0])}
 
 
 class TdmsContents(Contents):
@@ -54,23 +48,18 @@ class TdmsContents(Contents):
 
         super().__init__(path)
         intervals = set()
-        self._file = nptdms.TdmsFile.open(path)
-        if self._file.file_status.incomplete_final_segment:
+        file = nptdms.TdmsFile.open(path)
+        if file.file_status.incomplete_final_segment:
             raise UnreadableError("its last segment is cut off")
-        for group in self._file.groups():
+        for group in file.groups():
             for channel in group.channels():
                 intervals.add(channel.properties.get("wf_increment"))
                 name = f"{group.name}/{channel.name}"
                 attributes = {"units": channel.properties.get("unit_string", "")}
                 read = partial(channel.__getitem__, slice(None))
                 self.variables.append(Variable(name, (len(channel),), read, attributes))
-        self._rates = [rate_of_interval(interval) for interval in intervals if interval]
-        if len(intervals) > 1:  # channels of several rates, or of none that is stated
-            self._rates = []
-
-    def attributes(self, owner: str) -> Mapping[str, Any]:
-        """The sampling rate, where all channels of the file have the same one."""
-        return {} if owner or not self._rates else {"sampling_rate": self._rates[0]}
+        if len(intervals) == 1 and None not in intervals:
+            self.file_attributes = {"sampling_rate": rate_of_interval(intervals.pop())}
 
 
 CONTAINERS = {".c3d": ("ezc3d", C3dContents), ".tdms": ("nptdms", TdmsContents)}

@@ -141,14 +141,14 @@ def test_a_trial_from_a_file_is_identified_as_it_is(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "words", "options"),
     [
-        ({"angle": P}, "2 variables may be the position: position, angle.", {"position": "angle"}),
-        ({"left_tq": TQ}, "2 variables may be the torque: torque, left_tq.", {"torque": "left_tq"}),
-        ({"ref": R, "cmd": P}, "2 variables may be the reference: ref, cmd.", {"reference": "cmd"}),
+        ({"angle": P}, "2 variables may be the position: position, angle;", {"position": "angle"}),
+        ({"left_tq": TQ}, "2 variables may be the torque: torque, left_tq;", {"torque": "left_tq"}),
+        ({"ref": R, "cmd": P}, "2 variables may be the reference: ref, cmd;", {"reference": "cmd"}),
     ],
 )
 def test_channels_of_which_there_are_several_are_not_guessed(tmp_path, columns, words, options):
     path = write_csv(tmp_path / "a.csv", **columns)
-    with pytest.raises(DataError, match=f"^a.csv: {words} Name one of them"):
+    with pytest.raises(DataError, match=f"^a.csv: {words} the file has: time, .* Name one of these"):
         read_trial(path)
     assert_signals(read_trial(path, **options))
 
