@@ -152,7 +152,7 @@ ROWS = [
     row(
         "no names",
         table(csv_text().partition("\n")[2]),
-        "no names above the numbers, which begin in line 1 with commas between them",
+        "no names above numbers with commas between them",
         "time_s, angle_rad, torque_nm",
     ),
     row(

@@ -73,7 +73,7 @@ def position(name: str, *says: str, unit: str | None = None):
 
 def scale(wrong: str, make, *says: str, option: str = "torque_unit"):
     """A row of a scale of which nobody says what it is for."""
-    return row(wrong, make, *says, f"give {option}", remedy={option: None})
+    return row(wrong, make, *says, f"of 1 in the file as {option}", remedy={option: None})
 
 
 row = rows_of(read_trial)
@@ -111,17 +111,17 @@ ROWS = [
     scale(
         "hdf5: a gain",
         hdf5_torque(gain=20.0),
-        "a.h5: the file states gain = 20.0 beside torque, and no convention says what for",
+        "a.h5: torque is in 'gain = 20.0' according to the file",
     ),
-    scale("hdf5: a conversion without a unit", hdf5_torque(conversion=2), "conversion = 2"),
-    scale("hdf5: an offset", hdf5_torque(Offset=0.5), "Offset = 0.5 beside torque"),
+    scale("hdf5: a conversion without a unit", hdf5_torque(conversion=2), "is in 'conversion = 2'"),
+    scale("hdf5: an offset", hdf5_torque(Offset=0.5), "torque is in 'Offset = 0.5'"),
     scale(
         "mat: a scale in the struct",
         struct(scale=0.1),
-        "scale = 0.1 beside Angle.values",
+        "Angle.values is in 'scale = 0.1'",
         option="position_unit",
     ),
-    scale("mat: a gain beside the torque", mat_file(torque_gain=3.0), "gain = 3.0 beside torque"),
+    scale("mat: a gain beside the torque", mat_file(torque_gain=3.0), "torque is in 'gain = 3.0'"),
     row(
         "mat: a unit in the struct",
         struct(units="mrad"),

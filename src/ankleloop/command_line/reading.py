@@ -19,12 +19,7 @@ from ankleloop.trials.channels import CHANNELS
 from ankleloop.trials.contents import Variable
 from ankleloop.trials.reading_options import NO_REFERENCE, list_trials
 from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.units import (
-    POSITION_UNITS,
-    TORQUE_UNITS,
-    find_position_unit,
-    find_unit_in_name,
-)
+from ankleloop.trials.units import POSITION_UNITS, TORQUE_UNITS, find_position_unit
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -106,9 +101,7 @@ def map_file(path: Path, **values: Any) -> Recording:
         position = variables.get("position")
         unit = find_position_unit(position.name, position.unit) if position else None
         remark = " (stated by the file)"
-        if unit is None and position and find_unit_in_name(position.name):
-            remark = " (unless the file is refused)"
-        elif unit is None:
+        if unit is None:
             unit = "rad"
             remark = " (assumed: --position-unit deg if it is in degrees)"
     recording = options.model_copy(update={**mapping, "position_unit": unit})

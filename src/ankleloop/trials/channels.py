@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ankleloop.errors import DataError
-from ankleloop.trials.contents import Contents, Variable, as_text, is_nwb
+from ankleloop.trials.contents import SCALES, Contents, Variable, as_text
 from ankleloop.trials.units import RATE_UNITS, is_time
 
 # Unit and long name of each variable that the library writes.
@@ -37,8 +37,6 @@ TIME, RATE = "time", "sampling_rate"  # roles beside the channels of the trial
 FOUND, NONE = "auto", "none"  # in place of the name of a variable
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
-# What turns samples into numbers with a unit, where no convention says how.
-SCALES = ("conversion", "gain", "scale", "sensitivity", "offset")
 # Names that say nothing of a channel that is a group or a struct.
 PLAIN_NAMES = ("values", "value", "data", "samples", "signal")
 # Words of a name that say what a channel is. A command of the position is a reference, one of the torque is nothing
@@ -158,13 +156,12 @@ def read_channels(
     variables: Mapping[str, str | None],
     rate: float | None = None,
     time: str | None = FOUND,
-    stated: Sequence[str] = (),
 ) -> Iterator[tuple[str, Variable, np.ndarray]]:
     """Read the variables of a trial, its times and its sampling rates, each alone, from an open file.
 
     `variables` are names in the file by role, None where they are to be found; `rate` is what the caller states [Hz],
-    `time` the name of the times, `FOUND`, or None to leave them out; `stated` has the options of units that the caller
-    gives. The true torques of a simulation are read where the file has them beside the torque.
+    `time` the name of the times, `FOUND`, or None to leave them out. The true torques of a simulation are read where
+    the file has them beside the torque.
     """
     names = find_names(contents, variables)
     selected = {role: contents.require(name) for role, name in names.items()}
@@ -176,9 +173,6 @@ def read_channels(
             selected[role] = variable
     for role, variable in selected.items():
         described = _describe(contents, variable)
-        option = "torque_unit" if role.startswith("torque") else "position_unit"
-        if role.startswith(CHANNELS) and option not in stated:
-            _check_scale(described, option, source=contents.path.name)
         yield role, described, contents.read_numbers(described)
     position = selected["position"].name.lstrip("/")
     if time == FOUND:
@@ -221,19 +215,6 @@ def _describe(contents: Contents, variable: Variable) -> Variable:
         if values.size == 1:
             attributes[word] = values[0]
     return replace(variable, attributes={**variable.attributes, **attributes})
-
-
-def _check_scale(variable: Variable, option: str, *, source: str) -> None:
-    """Refuse a scale that changes samples if no convention says how."""
-    for name, value in variable.attributes.items():
-        neutral = 0.0 if name.lower() == "offset" else 1.0
-        is_scale = name.lower() in SCALES and np.asarray(value).dtype.kind in "iuf"
-        if is_scale and np.any(value != neutral) and not is_nwb(variable.attributes):
-            raise DataError(
-                f"{source}: the file states {name} = {value} beside {variable.name}, and no convention says what for: "
-                f"give {option}, the unit of the samples, or how much 1 of them is, as 0.05.",
-                remedy={option: None},
-            )
 
 
 def _find_times(contents: Contents, position: str, taken: Sequence[str]) -> Iterator[str]:

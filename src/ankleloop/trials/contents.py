@@ -28,6 +28,8 @@ from ankleloop.trials.units import normalise_unit
 MAX_SAMPLES = 20_000_000  # 160 MB in double precision
 LISTED_NAMES = 30  # that a message has
 LISTED_SAMPLES = 8  # of a matrix
+# What turns samples into numbers with a unit, where no convention says how, and its neutral value.
+SCALES = {"conversion": 1.0, "gain": 1.0, "scale": 1.0, "sensitivity": 1.0, "offset": 0.0}
 PART = re.compile(r"(.+)\[([\d:, ]+)\]")  # of a matrix
 STAR = re.compile(r"(\[[^\[\]]*)\*")
 
@@ -70,13 +72,17 @@ class Variable:
 
     @property
     def unit(self) -> str:
-        """Unit that the file states, numbers as text; texts that differ are joined, so that they are refused."""
+        """Unit that the file states, and a scale without a convention; texts that differ are joined, to be refused."""
         units: dict[str, str] = {}
         for name, value in self.attributes.items():
-            if name.lower() in ("units", "unit"):
-                is_number = np.asarray(value).dtype.kind in "iuf"
+            word = name.lower()
+            is_number = np.asarray(value).dtype.kind in "iuf"
+            if word in ("units", "unit"):
                 text = str(value) if is_number else as_text(value)
                 units[normalise_unit(text)] = text
+            elif word in SCALES and is_number and not is_nwb(self.attributes):
+                is_neutral = np.all(value == SCALES[word])
+                units[name] = "" if is_neutral else f"{name} = {value}"
         return " and ".join(filter(None, units.values()))
 
 

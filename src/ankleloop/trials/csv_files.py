@@ -7,9 +7,9 @@ import csv
 import gzip
 import re
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from functools import partial
-from itertools import islice
+from itertools import islice, takewhile, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +45,7 @@ class CsvContents(Contents):
         self._last: deque[tuple[int, str]] = deque(maxlen=LAST_ROWS)  # numbered lines
         units = self._find_names(list(islice(self._lines(), FIRST_LINES)))
         self._measure()
-        for column, name in enumerate(self._names):
-            unit = "".join(units[column : column + 1])
+        for column, (name, unit) in enumerate(zip_longest(self._names, units, fillvalue="")):
             read = partial(self._read, column)
             self.variables.append(Variable(name, (self._rows,), read, {"units": unit}))
 
@@ -61,32 +60,32 @@ class CsvContents(Contents):
         numbers = {sign: _find_numbers(_split(model, sign)) for sign in DELIMITERS}
         self._delimiter = max(numbers, key=lambda sign: len(numbers[sign]))
         columns = numbers[self._delimiter]
-        above: list[tuple[int, list[str]]] = []  # the first numbers
-        for number, line in lines:
-            cells = _split(line, self._delimiter)
-            found = _find_numbers(cells)
-            text = {place for place, cell in enumerate(cells) if cell} - found
-            if len(found) > 1 and not columns & text:
-                break
-            above.append((number, cells))
-        else:
+        above = list(takewhile(lambda line: not self._has_numbers(line[1], columns), lines))
+        if not above or len(above) == len(lines):
             raise DataError(
-                f"{self.path.name}: the table has no names, or no samples below them, with semicolons, tabs or commas "
-                "between: write it so."
-            )
-        if not above:
-            raise DataError(
-                f"{self.path.name}: there are no names above the numbers, which begin in line {number} with "
-                f"{DELIMITERS[self._delimiter]} between them: write names into a line above, as time_s, angle_rad, "
-                "torque_nm."
+                f"{self.path.name}: there are no names above numbers with {DELIMITERS[self._delimiter]} between them: "
+                "write names into the line above the numbers, as time_s, angle_rad, torque_nm."
             )
         # Between commas they may be those of thousands.
         self._decimal = "," if "," in model and self._delimiter != "," else "."
-        self._last_line, units = above[-1]  # above the numbers
-        has_units = len(above) > 1 and any(map(is_unit, units))
-        self._names_line, names = above[-2 if has_units else -1]
+        self._last_line = above[-1][0]  # above the numbers
+        self._names_line, line = above.pop()
+        names = _split(line, self._delimiter)
+        units: list[str] = []
+        if above and any(map(is_unit, names)):
+            units = names
+            self._names_line, line = above.pop()
+            names = _split(line, self._delimiter)
         self._names = [names[0].lstrip("#% "), *names[1:]]
-        return units if has_units else []
+        return units
+
+    def _has_numbers(self, line: str, columns: Set[int]) -> bool:
+        """Whether a line has two or more numbers, and no text in some columns."""
+        cells = _split(line, self._delimiter)
+        numbers = _find_numbers(cells)
+        return len(numbers) > 1 and not any(
+            cells[place] for place in columns - numbers if place < len(cells)
+        )
 
     def prefixes(self, name: str) -> list[str]:
         """Columns are in no groups, whatever their names have."""
@@ -96,8 +95,8 @@ class CsvContents(Contents):
         """A column that has one number in all of its rows, or in some."""
         variable = self.find(name)
         cells = np.empty(0) if variable is None else variable.read()
-        different = list(set(cells[~pd.isna(cells)].tolist()))
-        return Variable(name, (1,), lambda: different) if len(different) == 1 else None
+        different = pd.unique(cells[~pd.isna(cells)])
+        return Variable(name, (1,), lambda: different) if different.size == 1 else None
 
     def _read(self, column: int) -> np.ndarray:
         """Numbers of a column, or objects where some are text."""

@@ -18,7 +18,7 @@ from matio.utils.matclass import MatlabOpaque
 
 from ankleloop.signals.sampling import rate_of_interval
 from ankleloop.trials.contents import Variable, as_text
-from ankleloop.trials.units import TIME_UNITS, find_unit_in_name
+from ankleloop.trials.units import TIME_UNITS, split_unit
 
 # Names of columns are texts of Arrow, whose usual allocator takes more address space than a file may.
 pa.set_memory_pool(pa.system_memory_pool())
@@ -112,7 +112,7 @@ def _list_channels(properties: Mapping[str, Any]) -> dict[str, Variable]:
 
 def _find_times(properties: Mapping[str, Any]) -> dict[str, Variable]:
     """The times of an object of the class nldat, or else its sampling rate."""
-    unit = find_unit_in_name(as_text(properties.get("domainName", ""))) or "s"
+    unit = split_unit(as_text(properties.get("domainName", "")), TIME_UNITS)[1] or "s"
     times = np.ravel(properties.get("domainValues", 0.0))
     if times.size > 1:
         return {"time": _as_variable(times, unit)}

@@ -18,7 +18,6 @@ from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_shape, check_sizes, new_trial
 from ankleloop.trials.units import check_unit, find_position_unit, time_factor
 
-UNIT_OPTIONS = ("position_unit", "torque_unit")
 LOWEST_JOINT_RATE = 10.0  # Hz: times without a unit that are slower may be in ms
 
 
@@ -57,7 +56,7 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         The unit of position and reference in the file, or how many rad 1 is there. By default rad or deg as the file
         states it for the position, by an attribute or at the end of its name (`angle_deg`), and rad where it states
         none.
-    torque_unit : {"N·m", "mN·m", "N·cm", "N·mm", "lbf·ft", "lbf·in", "kgf·m"} or float, optional
+    torque_unit : {"N·m", "mN·m", "N·cm", "lbf·ft", "lbf·in", "kgf·m"} or float, optional
         The unit of the torque in the file, also in other spellings, as "ft.lb"; or how many N·m 1 is there, for a
         torque in volts or for each kg. By default N·m; a file that states another unit is refused.
     position_sign, torque_sign : {1, -1}
@@ -105,7 +104,6 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         variables=options.names,
         rate=options.sampling_rate,
         time=options.time,
-        stated=[name for name in UNIT_OPTIONS if getattr(options, name) is not None],
     )
     position = variables["position"]
     unit = options.position_unit or find_position_unit(position.name, position.unit)
@@ -113,9 +111,8 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     signals = {role: item for role, item in variables.items() if role not in (TIME, RATE)}
     for role, variable in signals.items():
         if role not in options.further:
-            check_unit(
-                role, variable.name, variable.unit, unit, options.torque_unit, source=path.name
-            )
+            given = options.torque_unit if role.startswith("torque") else unit
+            check_unit(role, variable.name, variable.unit, given, source=path.name)
         check_shape(variable.shape, variable.name, source=path.name)
     trial = new_trial(
         **{role: variable.read() * options.factor(role) for role, variable in signals.items()},

@@ -90,7 +90,8 @@ def new_trial(
         if name in CHANNELS or isinstance(value, list | tuple) or np.ndim(value) > 0:
             arrays[name] = as_samples(value, name, source=source)
             if name in CHANNELS or name.startswith("torque"):
-                check_unit(name, name, _unit_of(value), position_unit, source=source)
+                given = None if name.startswith("torque") else position_unit
+                check_unit(name, name, _unit_of(value), given, source=source)
             if name in ("position", "reference") and position_unit == "deg":
                 arrays[name] = np.radians(arrays[name])
         else:
@@ -248,7 +249,7 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
                 "one float64 for each time: make the trial with new_trial; put numbers into attrs."
             )
         if name in CHANNELS or name.startswith("torque"):
-            check_unit(name, name, str(variable.attrs.get("units", "")), "rad", source=source)
+            check_unit(name, name, str(variable.attrs.get("units", "")), source=source)
     time = trial.variables["time"].values
     measured = compute_rate(time, source=source)
     rate = parse_rate(trial.attrs.get("sampling_rate", measured), source=source)

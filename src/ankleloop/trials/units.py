@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Container
 from typing import Any
 
 from ankleloop.errors import DataError
@@ -12,7 +13,6 @@ TORQUE_UNITS = {  # and their N·m
     "N·m": 1.0,
     "mN·m": 1e-3,
     "N·cm": 1e-2,
-    "N·mm": 1e-3,
     "lbf·ft": 1.3558179483314004,
     "lbf·in": 0.1129848290276167,
     "kgf·m": 9.80665,
@@ -27,9 +27,8 @@ POSITION_UNITS = {  # and their rad
 SPELLINGS = {
     "": "defaultunits",  # of nldat, where nobody has said which
     "N·m": "nm newtonmeter newtonmetre newtonmeters newtonmetres",
-    "mN·m": "mnm millinewtonmeter millinewtonmetre millinewtonmeters millinewtonmetres",
+    "mN·m": "mnm nmm millinewtonmeter millinewtonmetre millinewtonmeters millinewtonmetres",
     "N·cm": "ncm newtoncentimeter newtoncentimetre newtoncentimeters newtoncentimetres",
-    "N·mm": "nmm newtonmillimeter newtonmillimetre newtonmillimeters newtonmillimetres",
     "lbf·ft": "lbfft ftlbf ftlb ftlbs lbft lbsft footpound footpounds poundfoot poundfeet",
     "lbf·in": "lbfin inlbf inlb inlbs lbin lbsin inchpound inchpounds poundinch",
     "kgf·m": "kgfm mkgf kgm kpm",
@@ -48,13 +47,13 @@ OTHERS = {
     "the {} of 1 in the file": "kn lb lbs lbf kg kgf mm cm a ma",
 }
 TIME_SPELLINGS = {
-    60.0: "min minute minutes",
     1.0: "s sec second seconds",
     1e-3: "ms msec millisecond milliseconds",
     1e-6: "us µs μs usec microsecond microseconds",
 }
 TIME_WORDS = ("time", "times", "t", "timestamp", "timestamps", "zeit", "elapsed", "elapsed time")
 PART_NUMBERS = re.compile(r"(\[[\d:,* ]+\])+$")
+BRACKETS = re.compile(r"[(\[]([^()\[\]]*[^\W\d_][^()\[\]]*|[°%])[)\]]$")  # that have no number
 RATE_UNITS = ("", "hz", "hertz", "1/s", "s-1", "s^-1", "samples/s", "samples per second")
 # A unit in a name begins behind one of these signs, or with a capital.
 UNIT_START = re.compile(r"^|[\s_,(\[-]+|(?<=[a-z])(?=[A-Z][A-Za-z])")
@@ -68,6 +67,7 @@ def _by_spelling(spellings: dict[Any, str]) -> dict[str, Any]:
 UNITS = _by_spelling(SPELLINGS)
 OTHER_UNITS = _by_spelling(OTHERS)
 TIME_UNITS = _by_spelling(TIME_SPELLINGS)
+CHANNEL_UNITS = UNITS | OTHER_UNITS
 
 
 def strip_unit(text: str) -> str:
@@ -77,7 +77,7 @@ def strip_unit(text: str) -> str:
 
 def is_unit(text: str) -> bool:
     """Whether a text is a known unit of a channel or a time."""
-    return strip_unit(text) in UNITS | OTHER_UNITS | TIME_UNITS
+    return strip_unit(text) in CHANNEL_UNITS | TIME_UNITS
 
 
 def normalise_unit(text: str) -> str:
@@ -85,26 +85,20 @@ def normalise_unit(text: str) -> str:
     return UNITS.get(strip_unit(text), text)
 
 
-def _find_end(name: str, units: dict[str, Any]) -> str:
-    """The longest end of a name that is one of some units, or the empty string."""
-    ends = [name[start.end() :] for start in UNIT_START.finditer(name)]
-    return next((end for end in ends if strip_unit(end) in units), "")
-
-
-def find_brackets(name: str) -> str:
-    """What the brackets at the end of a name have, if that is no number; else the empty string."""
-    brackets = re.search(r"[(\[]([^()\[\]]*[^\W\d_][^()\[\]]*|[°%])[)\]]$", name)
-    return brackets[1].strip() if brackets else ""
-
-
-def find_unit_in_name(name: str) -> str:
-    """The unit with which a name ends, or what its last brackets have in its place; else the empty string.
+def split_unit(name: str, units: Container[str] = CHANNEL_UNITS) -> tuple[str, str]:
+    """A name without its unit, and the longest end of it that is a unit, or else what its last brackets have.
 
     The numbers of a part, as those of `angle_deg[3]`, do not count.
     """
     whole = PART_NUMBERS.sub("", name)
-    end = _find_end(whole, UNITS | OTHER_UNITS) or find_brackets(whole)
-    return normalise_unit(end.strip(" ()[]"))
+    for start in UNIT_START.finditer(whole):
+        end = whole[start.end() :]
+        if strip_unit(end) in units:
+            return whole[: start.start()], end.strip(" ()[]")
+    brackets = BRACKETS.search(whole)
+    if brackets:
+        return whole[: brackets.start()], brackets[1].strip()
+    return whole, ""
 
 
 def find_factor(unit: str | float) -> float:
@@ -114,62 +108,50 @@ def find_factor(unit: str | float) -> float:
 
 def find_position_unit(name: str, stated: str) -> str | None:
     """Unit of a position as the file states it, or else its name; None where it is read with an option only."""
-    unit = normalise_unit(stated) or find_unit_in_name(name)
+    unit = normalise_unit(stated or split_unit(name)[1])
     return unit if unit in ("rad", "deg") else None
 
 
 def check_unit(
-    role: str,
-    name: str,
-    stated: str,
-    position_unit: str | float | None,
-    torque_unit: str | float | None = None,
-    *,
-    source: str,
+    role: str, name: str, stated: str, given: str | float | None = None, *, source: str
 ) -> None:
     """Refuse a channel whose unit, as the file states it, is another one than it is read with.
 
     Without an option it is read in rad or N·m. An option settles what a name has in brackets, if that is no unit; a
     number, how much 1 is in the file, settles all.
     """
-    is_torque = role.startswith("torque")
-    option = "torque_unit" if is_torque else "position_unit"
-    given = torque_unit if is_torque else position_unit
-    usual = "N·m" if is_torque else "rad"
-    factors = TORQUE_UNITS if is_torque else POSITION_UNITS
+    option, usual, factors = "position_unit", "rad", POSITION_UNITS
+    if role.startswith("torque"):
+        option, usual, factors = "torque_unit", "N·m", TORQUE_UNITS
     expected = given or usual
-    unit = normalise_unit(stated) or find_unit_in_name(name)
+    unit = normalise_unit(stated or split_unit(name)[1])
     is_settled = given is not None and not stated and not is_unit(unit)
     if unit in ("", expected) or isinstance(given, float) or is_settled:
         return
-    fault = f"{source}: {name} is in {stated or unit!r} according to the file"
     if unit in factors:
-        raise DataError(
-            f"{fault}, but {option} is {expected!r}: pass {option}={unit!r} to read_trial (1 {unit} = "
-            f"{factors[unit]:.6g} {usual}), or convert it.",
-            remedy={option: unit},
-        )
-    size = OTHER_UNITS.get(strip_unit(unit), "the {} of 1 in the file").format(usual)
-    advice = f"pass {size} as {option}, or convert it to {usual}"
-    if role == "reference":
-        advice += ", or leave it out"
-    raise DataError(f"{fault}: {advice}.", remedy={option: None})
+        advice = f", but {option} is {expected!r}: pass {option}={unit!r} (1 {unit} = {factors[unit]:.6g} {usual})"
+    else:
+        size = OTHER_UNITS.get(strip_unit(unit), "the {} of 1 in the file").format(usual)
+        advice = f": pass {size} as {option}"
+    raise DataError(
+        f"{source}: {name} is in {stated or unit!r} according to the file{advice}, or convert it to {usual}.",
+        remedy={option: unit if unit in factors else None},
+    )
 
 
 def is_time(text: str) -> bool:
     """Whether a name or a unit says that something is a time: by a word and no other, or by a unit in brackets."""
-    unit = _find_end(text, TIME_UNITS)
-    brackets = find_brackets(text)
-    word = text.removesuffix(unit).split("(")[0].split("[")[0].strip(" _,-").lower()
-    is_unit_of_time = unit != "" and (word == "" or brackets != "")
+    word, unit = split_unit(text, TIME_UNITS)
+    word = word.strip(" _,-").lower()
+    is_unit_of_time = strip_unit(unit) in TIME_UNITS and (word == "" or text.endswith((")", "]")))
     return is_unit_of_time or (word in TIME_WORDS and text != "T")  # which is often the torque
 
 
 def time_factor(name: str, stated: str, *, source: str) -> float | None:
     """Seconds per unit of a time column; None if neither the file nor the name of the column states its unit."""
-    unit = stated.lower().split(" since ")[0].strip() or find_brackets(name)
+    unit = stated.lower().split(" since ")[0].strip() or split_unit(name, TIME_UNITS)[1]
     if unit and strip_unit(unit) not in TIME_UNITS:
         raise DataError(
             f"{source}: {name} is in {unit!r} according to the file: write it in seconds, ms or µs."
         )
-    return TIME_UNITS.get(strip_unit(unit or _find_end(name, TIME_UNITS)))
+    return TIME_UNITS.get(strip_unit(unit))

@@ -40,7 +40,7 @@ def test_commas_at_the_ends_of_lines(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "the table has no names, or no samples below them, with"),
+        ("", "there are no names above numbers with"),
         (
             "position,torque\n1,2\n1,\udce4\n",
             "line 3 is no text in UTF-8 (byte 0xe4): save it as CSV in UTF-8",

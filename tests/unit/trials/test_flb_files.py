@@ -54,9 +54,7 @@ def test_realizations_have_numbers(tmp_path):
 
 
 def test_channels_of_one_name(tmp_path):
-    with pytest.raises(
-        DataError, match=r"S1.flb: 2 channels are called 'POS': give each a name"
-    ):
+    with pytest.raises(DataError, match=r"S1.flb: 2 channels are called 'POS': give each a name"):
         read_trial(
             write(tmp_path / "S1.flb", flb_case(names=("POS", "POS"))),
             position="POS",

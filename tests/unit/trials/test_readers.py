@@ -148,7 +148,9 @@ def test_a_trial_from_a_file_is_identified_as_it_is(tmp_path):
 )
 def test_channels_of_which_there_are_several_are_not_guessed(tmp_path, columns, words, options):
     path = write_csv(tmp_path / "a.csv", **columns)
-    with pytest.raises(DataError, match=f"^a.csv: {words} the file has: time, .* Name one of these"):
+    with pytest.raises(
+        DataError, match=f"^a.csv: {words} the file has: time, .* Name one of these"
+    ):
         read_trial(path)
     assert_signals(read_trial(path, **options))
 
