@@ -51,6 +51,14 @@ def hdf5_torque(**attributes):
     return make
 
 
+def hdf5_ftlb(folder: Path) -> Path:
+    """An HDF5 file whose torque has a unit in its name, and none in the attribute that nldat writes."""
+    path = hdf5_torque(units="Default Units")(folder)
+    with h5py.File(path, "a") as file:
+        file.move("torque", "torque_ftlb")
+    return path
+
+
 def struct(**fields):
     """A MATLAB file whose position is a struct with these fields."""
     return lambda folder: _save(folder, {"values": POSITION, **fields})
@@ -127,6 +135,12 @@ ROWS = [
         struct(units="mrad"),
         "Angle.values is in 'mrad'",
         remedy={"position_unit": "mrad"},
+    ),
+    row(
+        "hdf5: an unstated unit, and another one in the name",
+        hdf5_ftlb,
+        "torque_ftlb is in 'lbf·ft'",
+        remedy={"torque_unit": "lbf·ft"},
     ),
     # times
     row("Time (s): a gap", timed("Time (s)", LATE), "irregular at sample 151", LEAVE_OUT),

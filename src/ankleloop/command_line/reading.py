@@ -15,9 +15,9 @@ from ankleloop.command_line.terminal import echo, name_option
 from ankleloop.config.checking import cast_number
 from ankleloop.config.recording_settings import Recording
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import CHANNELS
+from ankleloop.trials.channels import CHANNELS, NONE
 from ankleloop.trials.contents import Variable
-from ankleloop.trials.reading_options import NO_REFERENCE, list_trials
+from ankleloop.trials.reading_options import list_trials
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.units import POSITION_UNITS, TORQUE_UNITS, find_position_unit
 
@@ -81,7 +81,7 @@ def parse_reading(path: Path, *, no_reference: bool = False, **values: Any) -> R
     if no_reference:
         if "reference" in stated:
             raise click.UsageError("--reference and --no-reference exclude each other.")
-        stated["reference"] = NO_REFERENCE
+        stated["reference"] = NONE
     try:
         return Recording.parse("the options", file=path.name, **stated)
     except ValueError as error:
@@ -92,7 +92,7 @@ def map_file(path: Path, **values: Any) -> Recording:
     """Map the variables of a file to channels, and show it; what the options leave out follows from names and units."""
     options = parse_reading(path, **values)
     variables = _find_variables(path, options)
-    mapping = {"reference": NO_REFERENCE}
+    mapping = {"reference": NONE}
     mapping |= {role: variable.name for role, variable in variables.items() if role in CHANNELS}
     mapping |= options.channels
     unit = options.position_unit

@@ -82,8 +82,8 @@ class Variable:
                 units[normalise_unit(text)] = text
             elif word in SCALES and is_number and not is_nwb(self.attributes):
                 is_neutral = np.all(value == SCALES[word])
-                units[name] = "" if is_neutral else f"{name} = {value}"
-        return " and ".join(filter(None, units.values()))
+                units["" if is_neutral else name] = f"{name} = {value}"
+        return " and ".join(text for unit, text in units.items() if unit)
 
 
 def number_trial(name: str, number: int) -> str:

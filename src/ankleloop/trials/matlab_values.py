@@ -22,7 +22,6 @@ from ankleloop.trials.units import TIME_UNITS, split_unit
 
 # Names of columns are texts of Arrow, whose usual allocator takes more address space than a file may.
 pa.set_memory_pool(pa.system_memory_pool())
-UNSTATED_UNIT = "default units"  # what nldat writes where nobody has stated one
 
 
 def load_parts(path: Path, name: str) -> list[Variable]:
@@ -82,9 +81,10 @@ def _list_columns(table: pd.DataFrame) -> dict[str, Variable]:
     columns = {}
     if isinstance(table.index, pd.DatetimeIndex | pd.TimedeltaIndex):
         columns["time"] = _as_variable(table.index.to_numpy())
-    for place, name in enumerate(table.columns):
-        unit = units[place] if len(units) == len(table.columns) else ""
-        columns[str(name)] = _as_variable(table[name].to_numpy(), unit)
+    if len(units) != len(table.columns):  # a matrix has become several columns
+        units = [""] * len(table.columns)
+    for (name, column), unit in zip(table.items(), units, strict=True):
+        columns[str(name)] = _as_variable(column.to_numpy(), unit)
     return columns
 
 
@@ -96,9 +96,8 @@ def _list_channels(properties: Mapping[str, Any]) -> dict[str, Variable]:
     samples = _as_variable(np.asarray(properties["dataSet"]))
     names = [as_text(name) for name in np.ravel(properties["chanNames"])]
     units = [as_text(unit) for unit in np.ravel(properties["chanUnits"])]
-    units = ["" if unit.lower() == UNSTATED_UNIT else unit for unit in units]
     if len(units) != len(names):
-        units = [" and ".join(units)] * len(names)
+        units = [" and ".join(dict.fromkeys(units))] * len(names)
     channels = {}
     if samples.shape[1:2] == (len(names),):
         for number, name in enumerate(names):

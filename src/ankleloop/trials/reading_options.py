@@ -11,12 +11,11 @@ from pydantic import Field, field_validator, model_validator
 
 from ankleloop.errors import DataError
 from ankleloop.options import Options, option, show_value
-from ankleloop.trials.channels import CHANNELS, FOUND
+from ankleloop.trials.channels import CHANNELS, FOUND, NONE
 from ankleloop.trials.contents import number_trial
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.units import POSITION_UNITS, TORQUE_UNITS, find_factor, normalise_unit
 
-NO_REFERENCE = "none"  # in place of the name of a variable
 # Names of further variables: not those that a trial has anyway, or that its reading records.
 FURTHER_NAME = r"(?!torque|(position(_unit|_sign)?|reference|time|sampling_rate|source)$)[A-Za-z]\w*(?<!_variable)"
 PAIRS = "pairs of a name in the trial and the variable of the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
@@ -114,7 +113,7 @@ class ReadingOptions(Options):
     def names(self) -> dict[str, str | None]:
         """Names of all variables in the file by their names in the trial; None where they are to be found."""
         channels = {channel: getattr(self, channel) for channel in CHANNELS}
-        if self.reference == NO_REFERENCE:
+        if self.reference == NONE:
             del channels["reference"]
         return {**channels, **self.further}
 

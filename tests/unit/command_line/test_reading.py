@@ -14,7 +14,8 @@ from ankleloop.config.recording_settings import read_recordings
 from ankleloop.config.settings import RecordingsStudy
 from ankleloop.config.study import RecordedStudy
 from ankleloop.recordings.files import load_recording
-from ankleloop.trials.reading_options import NO_REFERENCE, ReadingOptions
+from ankleloop.trials.channels import NONE
+from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
@@ -36,7 +37,7 @@ def write_columns(path, *names):
 @pytest.mark.parametrize(
     ("names", "expected"),
     [
-        (("position", "torque"), ("position", "torque", NO_REFERENCE, "rad")),
+        (("position", "torque"), ("position", "torque", NONE, "rad")),
         (("t", "Angle", "Moment", "Command"), ("Angle", "Moment", "Command", "rad")),
         (
             ("ankle_angle_deg", "ankleTorque_Nm", "ref"),
@@ -46,7 +47,7 @@ def write_columns(path, *names):
             ("angle [deg]", "angle_velocity", "tq", "angleCmd"),
             ("angle [deg]", "tq", "angleCmd", "deg"),
         ),
-        (("theta", "trq", "torque_reflex", "torque_noise"), ("theta", "trq", NO_REFERENCE, "rad")),
+        (("theta", "trq", "torque_reflex", "torque_noise"), ("theta", "trq", NONE, "rad")),
         (
             ("pos", "torque", "torque_reference", "set_point", "setpoint"),
             ("pos", "torque", "setpoint", "rad"),
@@ -68,12 +69,12 @@ def test_names_that_leave_no_choice(tmp_path, names, expected):
     [
         (
             ("position", "angle", "torque"),
-            "2 variables may be the position: position, angle.",
+            "2 variables may be the position: position, angle;",
             "--position NAME",
         ),
         (
             ("angle", "torque", "ref", "cmd"),
-            "2 variables may be the reference: ref, cmd.",
+            "2 variables may be the reference: ref, cmd;",
             "--reference NAME, or --no-reference",
         ),
         (
