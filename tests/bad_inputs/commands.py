@@ -91,7 +91,7 @@ ROWS = [
         DATA,
         "position (2, 300) (first samples 0, 3) is no single channel",
         "next: ankleloop check",
-        "--position 'position[0, :]' --torque 'torque[0, :]'",
+        '--position "position[0, :]" --torque "torque[0, :]"',
     ),
     row(
         "channels in columns",
@@ -136,7 +136,7 @@ ROWS = [
         "check",
         DATA,
         "next: ankleloop check",
-        "--torque-unit 'lbf·ft'",
+        '--torque-unit "lbf·ft"',
     ),
     row("an unknown unit", csv_file(), "check --torque-unit dyn", USAGE, "torque_unit must be one"),
     row(

@@ -37,10 +37,9 @@ for _ in range(2):
     assert str(ankleloop.load_estimate("estimate.nc")) == str(estimate)
 """
 COMMANDS = """
-from types import SimpleNamespace
-import ankleloop.jobs.recordings
+import ankleloop.recordings.processes
 from ankleloop.command_line.main import main
-ankleloop.jobs.recordings.sys = SimpleNamespace(platform="win32")
+ankleloop.recordings.processes.IS_FORKED = False
 assert main(["check", "*.csv", "--position", "angle_deg"]) == 0
 words = ["identify", "S*.*", "--method", "pr-moesp", "--output", "results"]
 assert main(words) == 0

@@ -122,19 +122,20 @@ def identify_recordings(
     # In the same folder, so that what is complete only takes its name there.
     with tempfile.TemporaryDirectory(prefix=".ankleloop-", dir=folder) as temporary:
         analyse = partial(_analyse_study, folder=Path(temporary))
-        for study, table in zip(studies, run_each(analyse, studies, jobs), strict=True):
+        arguments = [(study.name, study.analysis(0)) for study in studies]
+        for study, table in zip(studies, run_each(analyse, arguments, jobs), strict=True):
             _replace_results(study, Path(temporary, study.name), folder)
             yield table
 
 
-def _analyse_study(study: RecordedStudy, folder: Path) -> pd.DataFrame:
-    """Table of the recording of a study; its results are written into a folder of its name."""
-    arguments = study.analysis(0)
+def _analyse_study(study: tuple[str, dict[str, Any]], folder: Path) -> pd.DataFrame:
+    """Table of the recording of a study, of its name and what it analyses; results go into a folder of its name."""
+    name, arguments = study
     (recording,) = arguments.pop("recordings").items()
-    results = folder / study.name
+    results = folder / name
     results.mkdir()
     table = analyse_recording(recording, folder=results, **arguments)
-    write_csv(table, results / f"{study.name}-parameters.csv")
+    write_csv(table, results / f"{name}-parameters.csv")
     return table
 
 

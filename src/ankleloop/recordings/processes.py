@@ -9,13 +9,13 @@ from __future__ import annotations
 import gc
 import multiprocessing
 import os
+import pickle
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
 
@@ -90,38 +90,40 @@ def _run_interpreters(function: Function, items: Sequence[Any], count: int) -> I
     started = [_start_interpreter(function, items[first::count]) for first in range(count)]
     try:
         for number in range(len(items)):
-            result, error = started[number % count][1].recv()
+            result, error = pickle.load(started[number % count].stdout)  # noqa: S301  # our own
             if error is not None:
                 raise error
             yield result
     except EOFError:
         raise ResourceError(KILLED, remedy=SHORTER) from None
     finally:
-        for process, _ in started:
+        for process in started:
             process.kill()
+            process.stdout.close()
             process.wait()
 
 
-def _start_interpreter(
-    function: Function, items: Sequence[Any]
-) -> tuple[subprocess.Popen[bytes], Connection]:
-    """Start an interpreter that runs a function for some items, and the pipe from it."""
-    pipe, end = Pipe()
+def _start_interpreter(function: Function, items: Sequence[Any]) -> Any:
+    """Start an interpreter that runs a function for some items, and writes what they give to its output."""
     package_folder = str(Path(__file__).parents[2])
     # -P: files of the current folder that have the name of a module are not imported.
-    command = [sys.executable, "-P", "-c", PROGRAM, package_folder, str(end.fileno())]
-    with end:
-        process = subprocess.Popen(command, pass_fds=[end.fileno()])
-    pipe.send((function, items))
-    return process, pipe
+    command = [sys.executable, "-P", "-c", PROGRAM, package_folder]
+    process: Any = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    pickle.dump((function, items), process.stdin)
+    process.stdin.close()
+    return process
 
 
 def main() -> None:
-    """Run a function for each item that came through the pipe, in an interpreter of its own."""
-    pipe = Connection(int(sys.argv[2]))
-    function, items = pipe.recv()
+    """Run a function for each item that came through the input, in an interpreter of its own."""
+    output = sys.stdout.buffer
+    sys.stdout = sys.stderr  # what a function prints is no result
+    function, items = pickle.load(sys.stdin.buffer)  # noqa: S301  # of the process that started this one
     for item in items:
+        result: tuple[Any, Exception | None]
         try:
-            pipe.send((function(item), None))
+            result = (function(item), None)
         except Exception as error:
-            pipe.send((None, error))
+            result = (None, error)
+        pickle.dump(result, output)
+        output.flush()
