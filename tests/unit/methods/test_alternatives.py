@@ -167,3 +167,15 @@ def test_a_complete_model_lacks_nothing(settings):
         estimate = identify(trial, method, **options)
         assert "alternatives" not in estimate.diagnostics
         assert estimate.diagnostics["warnings"] == []
+
+
+@pytest.mark.parametrize("settings", [{}, {"load": (0.1, 10.0, 100.0), "voluntary": 0.5}])
+def test_a_passive_joint_is_a_result(settings):
+    """K, B and I are right, G is zero within its interval, and the dynamics of no reflex are not given."""
+    estimate = identify(simulate(seed=5, reflex_gain=0.0, **settings), "riv")
+    assert estimate.diagnostics["warnings"] == []
+    for name, truth in {"K": 150.0, "B": 0.8, "I": 0.015, "G": 0.0}.items():
+        low, high = estimate.intervals[name]
+        assert low < truth < high
+    assert "omega_n" not in estimate.reflex
+    assert "no reflex" in " ".join(estimate.diagnostics["missing"])
