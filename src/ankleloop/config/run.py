@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ankleloop.config.checking import ConfigError, Values, find_key, key_error
-from ankleloop.config.notebooks import Notebook, find_needs, read_notebooks
+from ankleloop.config.notebooks import Notebook, find_needs, list_figures, read_notebooks
 from ankleloop.config.settings import Config
 from ankleloop.config.study import RecordedStudy, SimulatedStudy, Study, read_studies
 from ankleloop.errors import DataError
@@ -121,6 +121,7 @@ def report_parameters(
     tables = list(files.get("tables", ()))
     parameters = {
         **study.describe(),
+        "figures": list(list_figures(study, notebook)),  # that it may draw
         # A file of trials and one of estimates for each chunk of points; one table of all trials, or of recordings one
         # for each chunk.
         **{kind: list(files.get(kind, ())) for kind in ("trials", "estimates")},

@@ -50,7 +50,8 @@ class Study:
         self.name = name
         self.settings = settings
         self.methods = settings.methods
-        self.title: str = settings.title or name  # heading of its report
+        words = re.sub("[_-]+", " ", name).strip()
+        self.title: str = settings.title or words[:1].upper() + words[1:]  # heading of its report
         # For legends.
         self.labels = {key: method.label or key for key, method in self.methods.items()}
 

@@ -95,10 +95,19 @@ class StudyPage(SimpleNamespace):
 
         Without a note (None) nothing is.
         """
+        self.check_figure(name)
         save_figure(figure, f"{self.figure_stem}-{name}", overwrite=True)
         show_picture(f"{self.figure_stem}-{name}.png", caption, width)
         if note is not None:
             display(self.fold(note))
+
+    def check_figure(self, name: str) -> None:
+        """Refuse a figure that the list of notebooks does not have: nobody would find it among the results."""
+        if name not in self.figures:
+            listed = ", ".join(self.figures)
+            raise ValueError(
+                f"the figure {name!r} is not in notebooks/notebooks.yaml, which has {listed}."
+            )
 
     def show_table(
         self, cells: pd.DataFrame, caption: str, note: str = "", table: pd.DataFrame | None = None

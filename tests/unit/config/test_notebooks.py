@@ -8,6 +8,7 @@ from ankleloop.config.checking import ConfigError
 from ankleloop.config.notebooks import list_figures, read_notebooks
 from ankleloop.config.run import read_run
 from ankleloop.config.study import read_studies
+from ankleloop.pages.study_page import StudyPage
 
 NOTEBOOKS = read_notebooks()
 
@@ -81,6 +82,11 @@ def test_a_figure_is_listed_where_a_study_has_what_it_shows():
         study["methods"] = {"riv": {"method": "riv"}}
         recorded = read_studies({"studies": {"s": study}, "run": ["s"]})[1]["s"]
         assert list(list_figures(recorded, NOTEBOOKS["recordings"])) == figures
+
+
+def test_a_figure_that_is_not_listed_is_an_error():
+    with pytest.raises(ValueError, match=r"the figure 'other' is not in notebooks/notebooks\.yaml"):
+        StudyPage(figures=["sweep"]).check_figure("other")
 
 
 def test_another_list_of_notebooks_is_read(tmp_path: Path):

@@ -46,6 +46,7 @@ def page(tmp_path):
             f"g={gain:g}": SimulationSettings(reflex_gain=gain).model_dump() for gain in (5.0, 13.0)
         },
         varied=["reflex_gain", "closed_loop", "snr_db"],
+        figures=["curves"],
         figure={"methods": None, "trial": 0, "start": 0.0, "length": 5.0},
         published="data/published",
         table_stem=str(tmp_path / "s"),
