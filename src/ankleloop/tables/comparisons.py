@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any
@@ -204,13 +204,16 @@ def tabulate_omissions(details: pd.DataFrame, points: Points, labels: Labels) ->
 
 
 def _name_conditions(points: Points) -> dict[str, str]:
-    """Condition of each point with all steps in words."""
+    """Condition of each point with all steps in words; with its name where two have the same words."""
     words = {}
     for point, settings in points.items():
         is_clean = settings["snr_db"] is None and settings["voluntary"] == 0
         if settings["antialias_cutoff"] and not settings.get("omitted_step"):
             words[point] = "without noise" if is_clean else "with noise"
-    return words
+    counts = Counter(words.values())
+    return {
+        point: text if counts[text] == 1 else f"{text}, {point}" for point, text in words.items()
+    }
 
 
 def _find_point(points: Points, point: str, **change: Any) -> str | None:
