@@ -158,7 +158,9 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     alternatives = [_free_effect(name, solution, step) for name, step in steps.items()]
     if any(each.significant and each.doubtful for each in alternatives):
         alternatives = _add_further(alternatives)
-    else:
+    elif (
+        "direction" in effects
+    ):  # what a curve of other bases leaves of a ramp would be such a mixture
         alternatives.append(_combine_effects(solution, together))
     if parameters.linear.size > MOTION + 1:
         alternatives.append(_separate_directions(solution))
