@@ -10,10 +10,16 @@ import numpy as np
 import pandas as pd
 from scipy.signal import resample_poly
 
-from ankleloop.assessment.scores import Trials, score_torques
+from ankleloop.assessment.scores import score_torques
 from ankleloop.errors import NUMERICAL_ERRORS, DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.prepared import PreparedTrial, prepare, prepare_trials, sample_channel
+from ankleloop.joint.prepared import (
+    PreparedTrial,
+    Trials,
+    prepare,
+    prepare_trials,
+    sample_channel,
+)
 from ankleloop.joint.regressors import split_torques
 from ankleloop.methods.method import Method
 from ankleloop.methods.registry import identify

@@ -13,13 +13,17 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import TRIM, Estimate, join_centred, scored_samples
-from ankleloop.joint.prepared import PreparedTrial, prepare, prepare_trials, sample_channel
+from ankleloop.joint.prepared import (
+    PreparedTrial,
+    Trials,
+    prepare,
+    prepare_trials,
+    sample_channel,
+)
 from ankleloop.joint.regressors import TORQUES, split_torques
 from ankleloop.joint.time_varying_course import ENDS
 from ankleloop.options import check_argument, check_flag, check_number, show_value
 from ankleloop.signals.vaf import vaf, vaf_with_interval
-
-Trials = xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial]
 
 CORRELATION_TIME = 1.0  # s: over this the squares of torques may be correlated
 ROW_DIAGNOSTICS = (

@@ -17,7 +17,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.joint.intervals import compute_intervals, extend_intervals, find_quantile
 from ankleloop.joint.models import Model
-from ankleloop.joint.prepared import PreparedTrial, prepare_trials, sample_channel
+from ankleloop.joint.prepared import PreparedTrial, Trials, prepare_trials, sample_channel
 from ankleloop.joint.regressors import MEASURED, merge_torques, split_torques, torque_variable
 from ankleloop.joint.time_varying_course import Onsets, split_onsets
 from ankleloop.options import check_number
@@ -124,7 +124,7 @@ class Estimate:
 
     def predict(
         self,
-        trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial],
+        trial: Trials,
         *,
         cycle_onsets: Onsets = None,
     ) -> Estimate:
@@ -264,7 +264,7 @@ class Estimate:
 
     def plot(
         self,
-        trial: xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial] | None = None,
+        trial: Trials | None = None,
         figure: Figure | SubFigure | None = None,
         window: tuple[float, float] | None = None,
     ) -> Figure | SubFigure:

@@ -261,6 +261,10 @@ def _make_inputs(
     return np.column_stack([*motion, *terms])
 
 
+# A trial, or several that are merged.
+Trials = xr.Dataset | PreparedTrial | Sequence[xr.Dataset | PreparedTrial]
+
+
 def prepare(trial: xr.Dataset | PreparedTrial) -> PreparedTrial:
     """A trial as a `PreparedTrial`, which is returned unchanged if it is one.
 

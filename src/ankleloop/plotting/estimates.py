@@ -12,10 +12,10 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 
-from ankleloop.assessment.scores import Trials, evaluate, has_truths, true_trajectories
+from ankleloop.assessment.scores import evaluate, has_truths, true_trajectories
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.prepared import PreparedTrial, prepare_trials
+from ankleloop.joint.prepared import PreparedTrial, Trials, prepare_trials
 from ankleloop.joint.regressors import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.regressors import TORQUES, split_torques
 from ankleloop.joint.time_varying_course import COORDINATES, TRAJECTORIES

@@ -25,7 +25,7 @@ from ankleloop.checks.movement import (
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
 from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
-from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import KnownDelayOptions, Trial
 from ankleloop.options import option, show_fields
@@ -130,10 +130,9 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     ('ok', 'closed', True)
     """
     values = CheckOptions.parse("check_trial", **options)
-    parts: Any = trial if isinstance(trial, (list, tuple)) else [trial]
-    if not parts:
+    trials = prepare_trials(trial)
+    if not trials:
         raise DataError("there are no trials to check.")
-    trials = [prepare(part) for part in parts]
     refuse_repeated_trials(trials)
     values = values.at_rate(trials[0].rate)
     length = check_length(trials, values.identification_rate)

@@ -15,7 +15,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.intervals import extend_intervals
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
-from ankleloop.methods.riv.effects import EFFECTS, Channels
+from ankleloop.methods.riv.effects import EFFECTS, Channels, list_effects
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.quantities import QUANTITIES, STIFFNESS
@@ -147,11 +147,9 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     with the effect as a further unknown.
     """
     parameters = solution.point.parameters
-    effects = [name for name, effect in EFFECTS.items() if effect.differentiate is not None]
+    effects = list_effects(open_loop=solution.equations.open_loop)
     if parameters.linear.size > MOTION + 1:  # other bases than the rectifier answer both directions
         effects.remove("direction")
-    if solution.equations.open_loop:
-        effects.remove("crosstalk")
     groups = {name: [name] for name in effects} | {TOGETHER: effects}
     steps = find_steps(groups, solution, solution.equations)
     together = steps.pop(TOGETHER)

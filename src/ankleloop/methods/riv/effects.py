@@ -86,7 +86,7 @@ def _turn(channels: Channels) -> np.ndarray:
     return channels.response * (channels.rectified - late * channels.motion[1])
 
 
-EFFECTS = {
+EFFECTS: dict[str, Effect] = {
     "delay": Effect(
         lambda size: f"a reflex delay of {1e3 * size:.3g} ms",
         "give no delay, so that it is estimated",
@@ -149,3 +149,11 @@ EFFECTS = {
         _turn,
     ),
 }
+
+
+def list_effects(*, open_loop: bool) -> list[str]:
+    """Names of the effects that channels can show; where the position is the reference, its crosstalk is stiffness."""
+    names = [name for name, effect in EFFECTS.items() if effect.differentiate is not None]
+    if open_loop:
+        names.remove("crosstalk")
+    return names

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ankleloop.methods.riv.alternatives import Alternative, compute_shifts, normal_score
-from ankleloop.methods.riv.effects import EFFECTS, Channels
+from ankleloop.methods.riv.effects import EFFECTS, Channels, list_effects
 from ankleloop.methods.riv_tv.equations import Inputs
 from ankleloop.methods.riv_tv.solution import TimeVaryingSolution
 from ankleloop.signals.least_squares import invert_scaled
@@ -15,9 +15,7 @@ def find_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
     """Effects with their scores, and how far the means of K, B, I and G move with one step towards each of them."""
     equations = solution.equations
     parameters = solution.parameters
-    effects = [name for name, effect in EFFECTS.items() if effect.differentiate is not None]
-    if equations.open_loop:
-        effects.remove("crosstalk")
+    effects = list_effects(open_loop=equations.open_loop)
     if "torque_lag" in parameters.delays:
         effects.remove("torque_lag")
     whitener = equations.noise_whitener(parameters)
