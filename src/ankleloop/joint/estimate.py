@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.intervals import compute_intervals, extend_intervals, find_quantile
+from ankleloop.joint.intervals import Uncertainty, extend_intervals
 from ankleloop.joint.models import Model
 from ankleloop.joint.prepared import PreparedTrial, Trials, prepare_trials, sample_channel
 from ankleloop.joint.regressors import MEASURED, merge_torques, split_torques, torque_variable
@@ -213,9 +213,9 @@ class Estimate:
         """
         level = check_number("interval", "level", level, gt=0, lt=1)
         values = {**self.stiffness, **self.reflex}
-        errors = self.diagnostics.get("standard_errors", {})
-        quantile = find_quantile(level, self.diagnostics.get("freedom", np.inf))
-        intervals = compute_intervals(values, errors, quantile)
+        freedom = self.diagnostics.get("freedom", np.inf)
+        uncertainty = Uncertainty(self.diagnostics.get("covariance", {}), freedom)
+        intervals = uncertainty.intervals(values, level)
         for effect in self.diagnostics.get("alternatives", [])[:1]:
             intervals |= extend_intervals(intervals, values, effect["shifts"])
         return intervals

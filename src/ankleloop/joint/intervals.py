@@ -1,58 +1,79 @@
-"""Standard errors, intervals and covariances of parameters, some of which have normally distributed logarithms."""
+"""Covariances and intervals of parameters, some of which have normally distributed logarithms."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import exp, inf, isinf, sqrt
+from typing import Any
 
 import numpy as np
-import pandas as pd
 from scipy import special
 
 LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters whose logarithms are normally distributed
 WIDEST_INTERVAL = 50.0  # of such a logarithm
 
 
-def find_quantile(level: float, freedom: float) -> float:
-    """Half of an interval over the standard error, by Student's distribution; the normal one for infinite freedom."""
-    probability = 0.5 * (1.0 + level)
-    if np.isinf(freedom):
-        return float(special.ndtri(probability))
-    return float(special.stdtrit(freedom, probability))
+@dataclass(frozen=True)
+class Uncertainty:
+    """How uncertain parameters are."""
 
+    covariance: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # by their names
+    freedom: float = inf  # degrees of freedom of the covariance
 
-def compute_intervals(
-    values: Mapping[str, float], errors: Mapping[str, float], quantile: float
-) -> dict[str, tuple[float, float]]:
-    """Intervals of the parameters that have standard errors."""
-    intervals = {}
-    for name, error in errors.items():
-        value = values[name]
-        margin = quantile * error
-        if name in LOGARITHMIC:
-            ratio = float(np.exp(min(margin / value, WIDEST_INTERVAL)))
-            intervals[name] = (value / ratio, value * ratio)
+    @classmethod
+    def of(
+        cls,
+        values: Mapping[str, float],
+        rows: Mapping[str, np.ndarray],
+        covariance: np.ndarray,
+        freedom: float = inf,
+    ) -> Uncertainty:
+        """That of parameters whose slopes, or those of their logarithms, by some unknowns are known.
+
+        Shapes: rows (unknowns,), covariance (unknowns, unknowns).
+        """
+        names = [name for name in values if name in rows]
+        scales = [values[name] if name in LOGARITHMIC else 1.0 for name in names]
+        slopes = np.array([scale * rows[name] for scale, name in zip(scales, names, strict=True)])
+        table = {}
+        for name, row in zip(names, slopes @ covariance @ slopes.T, strict=True):
+            table[name] = dict(zip(names, row.tolist(), strict=True))
+        return cls(table, float(freedom))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors of the parameters."""
+        return {name: sqrt(row[name]) for name, row in self.covariance.items()}
+
+    @property
+    def diagnostics(self) -> dict[str, Any]:
+        """Entries of the diagnostics of an estimate."""
+        return {
+            "covariance": self.covariance,
+            "standard_errors": self.standard_errors,
+            "freedom": self.freedom,
+        }
+
+    def intervals(
+        self, values: Mapping[str, float], level: float = 0.95
+    ) -> dict[str, tuple[float, float]]:
+        """Intervals of the parameters, by Student's distribution; the normal one for infinite freedom."""
+        probability = 0.5 * (1.0 + level)
+        if isinf(self.freedom):
+            quantile = float(special.ndtri(probability))
         else:
-            intervals[name] = (value - margin, value + margin)
-    return intervals
-
-
-def tabulate_covariance(
-    values: Mapping[str, float], rows: Mapping[str, np.ndarray], covariance: np.ndarray
-) -> pd.DataFrame:
-    """Covariance of parameters whose slopes, or those of their logarithms, by some unknowns are known.
-
-    Shapes: rows (unknowns,), covariance (unknowns, unknowns).
-    """
-    names = [name for name in values if name in rows]
-    scales = [values[name] if name in LOGARITHMIC else 1.0 for name in names]
-    slopes = np.array([scale * rows[name] for scale, name in zip(scales, names, strict=True)])
-    return pd.DataFrame(slopes @ covariance @ slopes.T, index=names, columns=names)
-
-
-def standard_errors(covariance: pd.DataFrame) -> dict[str, float]:
-    """Standard errors of the parameters of a covariance."""
-    errors = np.sqrt(np.diag(covariance.to_numpy(dtype=float)))
-    return dict(zip(covariance.index, errors.tolist(), strict=True))
+            quantile = float(special.stdtrit(self.freedom, probability))
+        intervals = {}
+        for name, error in self.standard_errors.items():
+            value = values[name]
+            margin = quantile * error
+            if name in LOGARITHMIC:
+                ratio = exp(min(margin / value, WIDEST_INTERVAL))
+                intervals[name] = (value / ratio, value * ratio)
+            else:
+                intervals[name] = (value - margin, value + margin)
+        return intervals
 
 
 def extend_intervals(

@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
+from scipy.fft import irfft, rfft
 
 from ankleloop.errors import DataError
 from ankleloop.signals.decimation import PASSBAND, convolve, decimate, decimation_taps
@@ -147,14 +148,14 @@ def fit_finite_response(
             f"the reference: record at least {4 * shifts.size / rate:.3g} s."
         )
     size = int(2 ** np.ceil(np.log2(max(sizes) + shifts.size)))
-    source_spectra = np.array([np.fft.rfft(_centre(source), size) for source in sources])
-    signal_spectra = np.array([np.fft.rfft(_centre(signal), size) for signal in signals])
+    source_spectra = np.array([rfft(_centre(source), size) for source in sources])
+    signal_spectra = np.array([rfft(_centre(signal), size) for signal in signals])
     passband = np.fft.rfftfreq(size) <= PASSBAND
     taps = np.zeros(size)
     taps[shifts] = _solve_correlations(
         source_spectra, signal_spectra, passband.astype(float), shifts
     )
-    residuals = signal_spectra - np.fft.rfft(taps) * source_spectra
+    residuals = signal_spectra - rfft(taps) * source_spectra
     power = np.sum(np.abs(residuals) ** 2, axis=0)
     noise = smooth(power, NOISE_RESOLUTION * size / rate)
     floor = NOISE_FLOOR * noise[passband].max()
@@ -280,8 +281,8 @@ def _solve_correlations(
     """
     size = 2 * (weights.size - 1)
     power = np.sum(weights * np.abs(sources) ** 2, axis=0)
-    autocorrelation = np.fft.irfft(power, size)[: shifts.size]
+    autocorrelation = irfft(power, size)[: shifts.size]
     autocorrelation[0] *= 1.0 + SOURCE_RIDGE
     cross = np.sum(weights * sources.conj() * signals, axis=0)
-    products = np.fft.irfft(cross, size)[shifts]
+    products = irfft(cross, size)[shifts]
     return linalg.solve_toeplitz(autocorrelation, products)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.fft import irfft, rfft
 
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.least_squares import TINY
@@ -75,13 +76,13 @@ class Band:
         Shapes: x (..., N); returns (..., frequencies).
         """
         tapered = (x - x.mean(axis=-1, keepdims=True)) * self.taper
-        return np.fft.rfft(tapered, axis=-1)[..., self.bins]
+        return rfft(tapered, axis=-1)[..., self.bins]
 
     def signals(self, spectra: np.ndarray) -> np.ndarray:
         """Signals whose transforms are given within the band and zero elsewhere, shape (..., samples)."""
         transform = np.zeros((*spectra.shape[:-1], self.samples // 2 + 1), dtype=complex)
         transform[..., self.bins] = spectra
-        return np.fft.irfft(transform, self.samples, axis=-1)
+        return irfft(transform, self.samples, axis=-1)
 
     def centre(self, x: np.ndarray) -> np.ndarray:
         """A signal less its mean, shape (samples,)."""
@@ -98,7 +99,7 @@ class Band:
         """Sums of cross spectra at lags that are 1/(2 b) apart in a band of width b, shape (2 reach + 1,)."""
         size = 2 * self.bins.stop
         padded = np.pad(cross, (self.bins.start, 1))
-        return 0.5 * size * np.fft.irfft(padded, size)[np.arange(-reach, reach + 1)]
+        return 0.5 * size * irfft(padded, size)[np.arange(-reach, reach + 1)]
 
     def smooth(self, power: np.ndarray, resolution: float) -> np.ndarray:
         """Smooth a periodogram over a width in frequency.
@@ -246,7 +247,7 @@ def segment_spectra(x: np.ndarray, length: int, step: int) -> np.ndarray:
     """
     segments = np.lib.stride_tricks.sliding_window_view(x, length)[::step]
     deviations = segments - segments.mean(axis=1, keepdims=True)
-    return np.fft.rfft(deviations * np.hanning(length), axis=1)
+    return rfft(deviations * np.hanning(length), axis=1)
 
 
 def coherence(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -184,7 +184,7 @@ def _separate_directions(solution: Search) -> Alternative:
     weights = np.linalg.lstsq(ramps.T, functions.T, rcond=None)[0]
     _, gain, other_gain = weights @ path.coefficients
     block = slice(MOTION, MOTION + path.coefficients.size)
-    covariance = point.covariance(solution.free)[block, block]
+    covariance = solution.covariance[block, block]
     score = other_gain / np.sqrt(weights[2] @ covariance @ weights[2])
     shifts = compute_shifts(solution.values, {"G": float(gain)})
     return Alternative("direction", float(other_gain), float(score), shifts)
@@ -354,6 +354,6 @@ def _free_unknown(unknown: str, start: Parameters, solution: Search) -> list[Alt
         shown = has_stretch_delay(point)
     if not (freed.converged and shown):
         return []
-    score = size / float(np.sqrt(point.covariance(freed.free)[-1, -1]))
+    score = size / float(np.sqrt(freed.covariance[-1, -1]))
     shifts = compute_shifts(solution.values, point.values)
     return [Alternative(unknown, point.values[unknown], score, shifts)]

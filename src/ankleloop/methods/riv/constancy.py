@@ -9,7 +9,6 @@ import numpy as np
 from scipy import special
 
 from ankleloop.methods.riv.alternatives import SIGNIFICANT, find_steps, is_large, normal_score
-from ankleloop.methods.riv.covariance import parameter_rows
 from ankleloop.methods.riv.search import Search
 from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
@@ -111,13 +110,12 @@ def measure_constancy(solution: Search) -> Constancy:
     band = point.equations.band
     starts, shares = divide([part.samples for part in band.parts])
     instruments = point.instruments[free] / point.level
-    covariance = point.covariance(free)
     return compare_parts(
         sums=np.add.reduceat(band.contributions(instruments, point.residual), starts, axis=1),
         shares=shares,
         normal=point.normal[np.ix_(free, free)],
-        covariance=covariance,
-        rows=parameter_rows(point, covariance, free),
+        covariance=solution.covariance,
+        rows=solution.rows,
     )
 
 

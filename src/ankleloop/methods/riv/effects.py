@@ -76,9 +76,14 @@ def _react(channels: Channels) -> np.ndarray:
     return late * channels.motion[0] / (1.0 + REACTION_LAG * channels.s)
 
 
+def _cube(x: np.ndarray) -> np.ndarray:
+    """Third power; ``x**3`` takes a logarithm of each sample."""
+    return x * x * x
+
+
 def _flatten(channels: Channels) -> np.ndarray:
     """A cube is but the direction of a saturation."""
-    return -channels.transform(channels.signals(channels.recorded) ** 3)
+    return -channels.transform(_cube(channels.signals(channels.recorded)))
 
 
 def _turn(channels: Channels) -> np.ndarray:
@@ -119,7 +124,7 @@ EFFECTS: dict[str, Effect] = {
     "bend": Effect(
         _describe_bend,
         "look whether a sensor is at the end of its range; else perturb less",
-        lambda channels: channels.transform(channels.position**3),
+        lambda channels: channels.transform(_cube(channels.position)),
     ),
     "drag": Effect(
         lambda size: "a viscosity that grows with the velocity",

@@ -4,19 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 from typing import Literal
-
-import numpy as np
-import pandas as pd
 
 from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.intervals import (
-    compute_intervals,
-    find_quantile,
-    standard_errors,
-    tabulate_covariance,
-)
+from ankleloop.joint.intervals import Uncertainty
 from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial, make_regressors
 from ankleloop.joint.regressors import MOTION, merge_torques
@@ -43,10 +36,7 @@ from ankleloop.methods.riv.constancy import (
     measure_constancy,
     measure_lags,
 )
-from ankleloop.methods.riv.covariance import (
-    parameter_rows,
-    robust_covariance,
-)
+from ankleloop.methods.riv.covariance import robust_covariance
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Point
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import option
@@ -164,8 +154,7 @@ def _shows_delay(solution: Search) -> bool:
     point = solution.point
     if not solution.converged or not has_stretch_delay(point) or point.values["G"] < 0.0:
         return False
-    variance = point.covariance(solution.free)[-1, -1]
-    return bool(variance < CERTAIN_DELAY**2)
+    return bool(solution.covariance[-1, -1] < CERTAIN_DELAY**2)
 
 
 def _without_reflex(solution: Search) -> Search | None:
@@ -183,7 +172,7 @@ def _score_reflex(solution: Search) -> float:
     """Normal score of the coefficients of the reflex."""
     coefficients = solution.point.parameters.linear[MOTION:]
     block = slice(MOTION, MOTION + coefficients.size)
-    return abs(normal_score(coefficients, solution.point.covariance(solution.free)[block, block]))
+    return abs(normal_score(coefficients, solution.covariance[block, block]))
 
 
 def _estimate(
@@ -204,18 +193,16 @@ def _estimate(
         reflex = {name: value for name, value in reflex.items() if name not in solution.fixed}
         missing = ["ωn and ζ: the record shows no reflex, as of a passive joint."]
     kind = None
-    covariance = pd.DataFrame()
-    freedom = np.inf
+    uncertainty = Uncertainty()
     warnings = _warnings(solution)
     if constancy is not None:
         merged = len(trials) > 1
         kind = options.intervals or _choose_intervals(point, constancy, merged=merged)
-        covariance, freedom = _quantify(solution, kind, constancy)
+        uncertainty = _quantify(solution, kind, constancy)
         changes = find_changes(constancy, solution.values)
         if changes:
             lags = measure_lags(solution)
             warnings += describe_changes(changes, constancy, point.values, lags, merged=merged)
-    errors = standard_errors(covariance)
     inputs = ModelInputs.of(equations.records[0], reflex["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]
@@ -230,7 +217,7 @@ def _estimate(
         torque=merge_torques([model.predict(trial) for trial in trials]),
         stiffness=stiffness,
         reflex=reflex,
-        intervals=compute_intervals(point.values, errors, find_quantile(0.95, freedom)),
+        intervals=uncertainty.intervals(point.values),
         diagnostics={
             "order": options.order,
             "iterations": len(solution.points) - 1,
@@ -240,9 +227,7 @@ def _estimate(
             "reference": options.reference,
             "intervals": kind,
             "movement_p": point.movement_p,
-            "covariance": covariance.to_dict(),
-            "standard_errors": errors,
-            "freedom": freedom,
+            **uncertainty.diagnostics,
             "noise_frequency": band.frequency,
             "noise_spectrum": noise / band.density,
             "nonlinearity": point.reflex_path.curve(),
@@ -272,20 +257,16 @@ def _choose_intervals(point: Point, constancy: Constancy, *, merged: bool) -> st
     return "robust" if point.movement_p < INCOMPLETE else "asymptotic"
 
 
-def _quantify(solution: Search, kind: str, constancy: Constancy) -> tuple[pd.DataFrame, float]:
-    """Covariance of the parameters for intervals of one kind, and its degrees of freedom."""
-    point = solution.point
-    free = solution.free
-    freedom = np.inf
+def _quantify(solution: Search, kind: str, constancy: Constancy) -> Uncertainty:
+    """How uncertain the parameters are, for intervals of one kind."""
+    covariance = solution.covariance
+    freedom = inf
     if kind == "between trials":
         covariance = constancy.covariance
         freedom = constancy.shares.size - 1
     elif kind == "robust":
-        covariance, freedom = robust_covariance(point, free)
-    else:
-        covariance = point.covariance(free)
-    rows = parameter_rows(point, covariance, free)
-    return tabulate_covariance(point.values, rows, covariance), float(freedom)
+        covariance, freedom = robust_covariance(solution.point, solution.free)
+    return Uncertainty.of(solution.point.values, solution.rows, covariance, freedom)
 
 
 def _warnings(solution: Search) -> list[str]:

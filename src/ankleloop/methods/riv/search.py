@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
+from ankleloop.methods.riv.covariance import parameter_rows
 from ankleloop.methods.riv.equations import Equations, Parameters, Point
 from ankleloop.signals.least_squares import solve_scaled
 
@@ -80,6 +83,16 @@ class Search:
         if self.fixed:
             del values["G"]
         return values
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the unknowns that are free at the result, where the model is complete, shape (free, free)."""
+        return self.point.covariance(self.free)
+
+    @cached_property
+    def rows(self) -> dict[str, np.ndarray]:
+        """Slopes of the parameters by the unknowns that are free at the result, shapes (free,)."""
+        return parameter_rows(self.point, self.covariance, self.free)
 
     def accept(self, point: Point) -> None:
         """Add a point."""

@@ -6,17 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from ankleloop.checks.course import check_slow_movement, refuse_locked_perturbation
 from ankleloop.checks.findings import name_trial
 from ankleloop.joint.bases import RectifierBasis
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.intervals import (
-    compute_intervals,
-    standard_errors,
-    tabulate_covariance,
-)
+from ankleloop.joint.intervals import Uncertainty
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import merge_torques
@@ -159,10 +154,11 @@ def _estimate(
     means = solution.means
     reflex = {"delay": solution.delay, "G": means.pop("G"), **solution.parameters.dynamics.values}
     values = {**means, **reflex}
-    covariance = pd.DataFrame()
+    uncertainty = Uncertainty()
     if solution.converged:
-        covariance = tabulate_covariance(values, solution.parameter_rows, solution.covariance)
-    errors = standard_errors(covariance)
+        uncertainty = Uncertainty.of(
+            values, solution.parameter_rows, solution.covariance, course.segments - 1
+        )
     schedule = {}
     if options.schedule:
         unit = str(trials[0].trial[options.schedule].attrs.get("units", ""))
@@ -172,15 +168,13 @@ def _estimate(
         torque=merge_torques(torques),
         stiffness=means,
         reflex=reflex,
-        intervals=compute_intervals(values, errors, solution.quantile),
+        intervals=uncertainty.intervals(values),
         diagnostics={
             "order": options.order,
             "converged": solution.converged,
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": "robust" if solution.converged else None,
-            "covariance": covariance.to_dict(),
-            "standard_errors": errors,
-            "freedom": float(course.segments - 1),
+            **uncertainty.diagnostics,
             "variation_p": solution.variation_p,
             "excitation": excitations,
             "torque_lag": solution.parameters.lag,
