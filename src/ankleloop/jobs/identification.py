@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, Literal
 
 import pyarrow as pa
@@ -62,8 +61,7 @@ def identify_trials(
     its trials, and a method whose options are the same at several of them identifies a trial once. `files["estimates"]`
     is optional.
     """
-    folder = str(Path(files["scores"]).parent)
-    estimates = EstimateTable(precision, folder) if "estimates" in files else None
+    estimates = EstimateTable(precision) if "estimates" in files else None
     types = {point_column(name): COLUMN_TYPES[kind] for name, kind in kinds.items()}
     tables = []
     waiting = []

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import pickle
-import weakref
 from collections.abc import Iterable, Mapping
-from tempfile import SpooledTemporaryFile
 from typing import Any
 
 import numpy as np
@@ -32,7 +29,6 @@ MATLAB_VARIABLE = "estimate"
 PARAMETER_GROUPS = ("stiffness", "reflex", "intervals")
 DIAGNOSTICS_TEXT = "json"  # field that holds the diagnostics
 
-TABLE_MEMORY = 2**21  # bytes of a table that are in memory before they go to a temporary file
 ROW_GROUP = 25  # estimates
 PARQUET_OPTIONS: Any = {
     "compression": "zstd",
@@ -198,9 +194,9 @@ def _read_intervals(fields: Fields) -> dict[str, tuple[float, float]]:
 
 
 class EstimateTable:
-    """Estimates with their models, collected as they will be written; any number of them takes little memory.
+    """Estimates with their models, collected as they will be written.
 
-    `precision`, "double" or "single", is that of the torques on disk, and `folder` holds the temporary file.
+    `precision`, "double" or "single", is that of the torques.
 
     >>> import tempfile
     >>> from ankleloop import identify, simulate
@@ -213,7 +209,7 @@ class EstimateTable:
     'pr-moesp'
     """
 
-    def __init__(self, precision: str = "double", folder: str | None = None) -> None:
+    def __init__(self, precision: str = "double") -> None:
         texts = ("point", "name", "method", "diagnostics", *GROUP_COLUMNS.values())
         columns = dict.fromkeys(texts, pa.string())
         columns["number"] = pa.int64()
@@ -222,9 +218,7 @@ class EstimateTable:
         columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(np.dtype(precision))))
         self._precision = precision
         self._schema = pa.schema(columns)
-        self._rows = SpooledTemporaryFile(TABLE_MEMORY, dir=folder)  # noqa: SIM115
-        weakref.finalize(self, self._rows.close)
-        self._count = 0
+        self._rows: list[pa.RecordBatch] = []
 
     def add(self, estimate: Estimate, *, point: str, name: str, number: int) -> None:
         """Add the estimate of a trial, by a name of its method, at a point of a study."""
@@ -250,21 +244,13 @@ class EstimateTable:
             }
         for group, values in groups.items():
             row[GROUP_COLUMNS[group]] = dump_values(values)
-        pickle.dump(row, self._rows, pickle.HIGHEST_PROTOCOL)
-        self._count += 1
+        self._rows.append(pa.RecordBatch.from_pylist([row], self._schema))
 
     def write(self, path: PathLike, *, overwrite: bool = False) -> None:
         """Write all estimates; the file appears when it is complete."""
-        self._rows.seek(0)
-        with (
-            atomic_file(path, overwrite=overwrite) as partial,
-            open(partial, "wb") as file,
-            parquet.ParquetWriter(file, self._schema, **PARQUET_OPTIONS) as writer,
-        ):
-            for start in range(0, self._count, ROW_GROUP):
-                size = min(ROW_GROUP, self._count - start)
-                rows = [pickle.load(self._rows) for _ in range(size)]
-                writer.write_table(pa.Table.from_pylist(rows, self._schema))
+        table = pa.Table.from_batches(self._rows, self._schema)
+        with atomic_file(path, overwrite=overwrite) as partial, open(partial, "wb") as file:
+            parquet.write_table(table, file, row_group_size=ROW_GROUP, **PARQUET_OPTIONS)
 
 
 def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int, Estimate]:
