@@ -169,10 +169,11 @@ def test_a_complete_model_lacks_nothing(settings):
         assert estimate.diagnostics["warnings"] == []
 
 
+@pytest.mark.parametrize("method", ["riv", "riv-tv"])
 @pytest.mark.parametrize("settings", [{}, {"load": (0.1, 10.0, 100.0), "voluntary": 0.5}])
-def test_a_passive_joint_is_a_result(settings):
+def test_a_passive_joint_is_a_result(settings, method):
     """K, B and I are right, G is zero within its interval, and the dynamics of no reflex are not given."""
-    estimate = identify(simulate(seed=5, reflex_gain=0.0, **settings), "riv")
+    estimate = identify(simulate(seed=5, reflex_gain=0.0, **settings), method)
     assert estimate.diagnostics["warnings"] == []
     for name, truth in {"K": 150.0, "B": 0.8, "I": 0.015, "G": 0.0}.items():
         low, high = estimate.intervals[name]

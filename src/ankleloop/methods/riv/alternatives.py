@@ -162,7 +162,7 @@ def find_alternatives(solution: Search) -> list[Alternative]:
         alternatives.append(_combine_effects(solution, together))
     if parameters.linear.size > MOTION + 1:
         alternatives.append(_separate_directions(solution))
-    is_known = "delay" in parameters.delays or solution.fixed
+    is_known = "delay" in parameters.delays or parameters.passive
     if is_known or solution.point.movement_p >= INCOMPLETE:
         return alternatives
     starts = {"delay": replace(parameters, delays=("delay",))}
@@ -232,7 +232,7 @@ def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
         equations.torque = origin.torque - sizes @ step.regressors
         if name == "torque_lag":
             equations.torque = origin.torque * np.exp(origin.band.s * sizes)
-        freed = solve(equations, freed.point.parameters, solution.fixed)
+        freed = solve(equations, freed.point.parameters)
     return replace(
         alternative,
         size=sizes if sizes.size > 1 else sizes.item(),

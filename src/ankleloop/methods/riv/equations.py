@@ -30,6 +30,10 @@ INCOMPLETE = 0.01
 MOVEMENT_REACH = 0.5  # s within which a residual may depend on the movement
 MOVEMENT_RESOLUTION = 1.0  # Hz: width over which the spectrum of the movement is smoothed
 SLOPE_STEP = 1e-5  # of a logarithm, or s, for second derivatives
+NOMINAL_DYNAMICS = ReflexDynamics(omega_n=40.0, zeta=1.0)  # of a reflex that is not there
+SHOWN_REFLEX = 4.5  # normal score of a reflex beyond doubt
+ABSENT_REFLEX = 3.0  # of one that a passive joint may seem to have
+NO_REFLEX = "ωn and ζ: the record shows no reflex, as of a passive joint."
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,23 +46,31 @@ class Parameters:
     shift: float = 0.0  # delay of the reflex less that of the inputs [s]
     lag: float = 0.0  # lag of the torque channel behind the position [s]
     delays: tuple[str, ...] = ()  # those of "delay" and "torque_lag" that are unknowns
+    passive: bool = (
+        False  # whether the dynamics are no unknowns, as those of a joint without a reflex
+    )
 
     @property
     def unknowns(self) -> tuple[str, ...]:
         """Names of the unknowns behind the linear ones: logarithms of the dynamics, and delays."""
-        return (*self.dynamics.values, *self.delays)
+        return self.delays if self.passive else (*self.dynamics.values, *self.delays)
+
+    def without_reflex(self) -> Parameters:
+        """Parameters of a passive joint, whose dynamics are nominal."""
+        delays = tuple(name for name in self.delays if name != "delay")
+        return replace(self, dynamics=NOMINAL_DYNAMICS, shift=0.0, delays=delays, passive=True)
 
     def add(self, step: np.ndarray) -> Parameters:
         """Parameters after a step of all unknowns."""
-        ends = np.cumsum([self.linear.size, len(self.dynamics.values)])
-        linear, dynamics, delays = np.split(step, ends)
-        later = dict(zip(self.delays, delays.tolist(), strict=True))
+        linear, others = np.split(step, [self.linear.size])
+        changes = dict.fromkeys([*self.dynamics.values, "delay", "torque_lag"], 0.0)
+        changes |= zip(self.unknowns, others.tolist(), strict=True)
         return replace(
             self,
             linear=self.linear + linear,
-            dynamics=self.dynamics.scale(dynamics),
-            shift=self.shift + later.get("delay", 0.0),
-            lag=self.lag + later.get("torque_lag", 0.0),
+            shift=self.shift + changes.pop("delay"),
+            lag=self.lag + changes.pop("torque_lag"),
+            dynamics=self.dynamics.scale(np.array([*changes.values()])),
         )
 
     def limit_delay(self, delay: float) -> Parameters:
@@ -71,9 +83,11 @@ class Parameters:
     def responses(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Response of the reflex with its shift of the delay, and its derivatives with respect to its unknowns."""
         response, derivatives = self.dynamics.response(s)
+        if self.passive:
+            derivatives = []
         if "delay" in self.delays:
             derivatives.append(-s * response)
-        rows = np.array(derivatives)
+        rows = np.array(derivatives).reshape(-1, s.size)
         if not self.shift:
             return response, rows
         delay = np.exp(-s * self.shift)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import inf
 from typing import Literal
 
-from ankleloop.joint.dynamics import ReflexDynamics
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.intervals import Uncertainty
 from ankleloop.joint.models import ModelInputs, PhysicalModel
@@ -37,15 +35,19 @@ from ankleloop.methods.riv.constancy import (
     measure_lags,
 )
 from ankleloop.methods.riv.covariance import robust_covariance
-from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Point
+from ankleloop.methods.riv.equations import (
+    ABSENT_REFLEX,
+    INCOMPLETE,
+    NO_REFLEX,
+    SHOWN_REFLEX,
+    Equations,
+    Point,
+)
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
 
 CERTAIN_DELAY = 0.005  # s, standard error
-SHOWN_REFLEX = 4.5  # normal score of a reflex beyond doubt
-ABSENT_REFLEX = 3.0  # of one that a passive joint may seem to have
-NOMINAL_DYNAMICS = ReflexDynamics(omega_n=40.0, zeta=1.0)
 
 
 class RivOptions(RefinedOptions, BasisOptions):
@@ -127,7 +129,7 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
             f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
         ]
         solution = _solve(trials, options, estimate_delay=False)
-    solution = _without_reflex(solution) or solution
+    solution = _prefer_passive(solution)
     constancy = measure_constancy(solution) if solution.converged else None
     estimate = _estimate(trials, solution, options, assumptions, constancy)
     if not solution.converged:
@@ -157,15 +159,13 @@ def _shows_delay(solution: Search) -> bool:
     return bool(solution.covariance[-1, -1] < CERTAIN_DELAY**2)
 
 
-def _without_reflex(solution: Search) -> Search | None:
-    """Solution for a passive joint, whose dynamics of the reflex are nominal; None where the record shows a reflex."""
+def _prefer_passive(solution: Search) -> Search:
+    """Solution for a passive joint where the record shows no reflex, else the solution that is given."""
     if solution.converged and _score_reflex(solution) > SHOWN_REFLEX:
-        return None
-    parameters = replace(solution.point.parameters, dynamics=NOMINAL_DYNAMICS, shift=0.0, delays=())
-    fixed = frozenset(NOMINAL_DYNAMICS.values)
-    passive = solve(solution.equations, parameters, fixed)
+        return solution
+    passive = solve(solution.equations, solution.point.parameters.without_reflex())
     is_passive = passive.converged and _score_reflex(passive) < ABSENT_REFLEX
-    return passive if is_passive else None
+    return passive if is_passive else solution
 
 
 def _score_reflex(solution: Search) -> float:
@@ -189,9 +189,10 @@ def _estimate(
     reflex = point.values
     stiffness = {name: reflex.pop(name) for name in STIFFNESS}
     missing = []
-    if solution.fixed:
-        reflex = {name: value for name, value in reflex.items() if name not in solution.fixed}
-        missing = ["ωn and ζ: the record shows no reflex, as of a passive joint."]
+    if parameters.passive:
+        for name in parameters.dynamics.values:
+            del reflex[name]
+        missing = [NO_REFLEX]
     kind = None
     uncertainty = Uncertainty()
     warnings = _warnings(solution)

@@ -23,8 +23,8 @@ MOST_DAMPING = 1e6
 FLAT = 1e-9  # slope in a direction that the record does not show
 
 
-def solve(equations: Equations, start: Parameters, fixed: frozenset[str] = frozenset()) -> Search:
-    r"""Solve the equations from a start, with some unknowns fixed at it.
+def solve(equations: Equations, start: Parameters) -> Search:
+    r"""Solve the equations from a start.
 
     Weights and instruments belong to the parameters, so the left side g(θ) is a function of the parameters alone, and
     its size is a merit, q(θ) = gᵀ S⁻¹ g with its covariance S.
@@ -40,7 +40,7 @@ def solve(equations: Equations, start: Parameters, fixed: frozenset[str] = froze
     the directions of its symmetric part. A third pole or a delay that reaches its limit is held there. Of a search that
     does not converge, the point with the smallest merit is returned.
     """
-    search = Search(equations, start, fixed)
+    search = Search(equations, start)
     points = search.points
     while len(points) <= MOST_REFINEMENTS and not search.finished and search.refine():
         pass
@@ -58,15 +58,13 @@ def solve(equations: Equations, start: Parameters, fixed: frozenset[str] = froze
 class Search:
     """A search and its result."""
 
-    def __init__(self, equations: Equations, start: Parameters, fixed: frozenset[str]) -> None:
+    def __init__(self, equations: Equations, start: Parameters) -> None:
         self.equations = equations
-        self.fixed = fixed  # names of the unknowns that stay as they were at the start
         self.points: list[Point] = []  # the start, and the point after each iteration
         self.merits: list[float] = []  # merit of each of them
         # Number of the first point of the filter: the last change of what is held, or where the search began again.
         self.first = 0
-        # Names of the unknowns that are fixed, or held at a limit.
-        self.held = set(fixed)
+        self.held: set[str] = set()  # names of the unknowns that are held at a limit
         self.damping = 0.0
         self.finished = False  # whether the last step was within the tolerance
         self.accept(Point(equations, start))
@@ -80,7 +78,7 @@ class Search:
     def values(self) -> dict[str, float]:
         """Parameters by name; without a G that is that of no reflex."""
         values = self.point.values
-        if self.fixed:
+        if self.point.parameters.passive:
             del values["G"]
         return values
 
@@ -185,8 +183,9 @@ class Search:
 
     def _length(self, step: np.ndarray) -> float:
         """Length of a step, in units of what one iteration may change of dynamics and delay."""
-        largest = np.array([LARGEST_STEPS[name] for name in self.point.parameters.unknowns])
-        return float(np.max(np.abs(step[-largest.size :]) / largest))
+        parameters = self.point.parameters
+        largest = np.array([LARGEST_STEPS[name] for name in parameters.unknowns])
+        return float(np.max(np.abs(step[parameters.linear.size :]) / largest, initial=0.0))
 
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:
         """Directions that are independent for slope and information, in units of the latter, and slopes along them.

@@ -29,7 +29,7 @@ def find_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
         regressors = whitener(EFFECTS[name].rows(measured))
         instruments = whitener(EFFECTS[name].rows(predicted))
         alternatives.append(_step(name, solution, regressors, instruments))
-    if "delay" not in parameters.delays:
+    if "delay" not in parameters.delays and not parameters.passive:
         slopes = [
             whitener(_differentiate_delay(solution, inputs)[None])
             for inputs in (equations.measured, equations.predicted)
@@ -57,7 +57,9 @@ def _step(
     covariance = variance * inverse @ coloured @ coloured.T @ inverse.T
     step = -solution.inverse @ (system.instruments @ (sizes @ regressors))
     linear = solution.parameters.linear
-    shifts = compute_shifts(solution.means, equations.bases.means(linear + step[: linear.size]))
+    shifts = compute_shifts(
+        solution.shown_means, equations.bases.means(linear + step[: linear.size])
+    )
     size = sizes if sizes.size > 1 else sizes.item()
     return Alternative(name, size, normal_score(sizes, covariance), shifts)
 

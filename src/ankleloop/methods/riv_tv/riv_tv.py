@@ -23,12 +23,14 @@ from ankleloop.methods.riv.alternatives import (
     with_alternatives,
 )
 from ankleloop.methods.riv.constancy import (
+    DIFFERENT,
     Constancy,
     compare_parts,
     describe_changes,
     divide,
     find_changes,
 )
+from ankleloop.methods.riv.equations import ABSENT_REFLEX, NO_REFLEX, SHOWN_REFLEX
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
@@ -63,7 +65,7 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
     -------
     Estimate
         `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness`
-        and `reflex` their means over the record, and I, ωn, ζ, delay. `diagnostics`: converged, cycles
+        and `reflex` their means over the record, and I, delay and, unless the joint is passive, ωn, ζ. `diagnostics`: converged, cycles
         (or segments that count as independent), intervals (their kind), variation_p (probability of a variation
         as large, were K, B or G constant), excitation (information about each trajectory over its mean, at its
         places), torque_lag, and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
@@ -85,11 +87,11 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
     True
     """
     solution = _solve(trials, options)
-    estimate = _estimate(trials, solution, options)
     if not solution.converged:
-        return estimate
+        return _estimate(trials, solution, options, None)
     constancy = measure_constancy(solution)
-    changes = find_changes(constancy, solution.means)
+    estimate = _estimate(trials, solution, options, constancy)
+    changes = find_changes(constancy, solution.shown_means)
     if changes:
         warnings = describe_changes(changes, constancy, solution.means, merged=len(trials) > 1)
         estimate.diagnostics["warnings"] += warnings
@@ -109,7 +111,12 @@ def _solve(trials: Sequence[PreparedTrial], options: RivTvOptions) -> TimeVaryin
             equations.smooth_part.part,
             options.reference,
         )
-    return solve_time_varying(equations)
+    solution = solve_time_varying(equations)
+    if solution.converged and solution.reflex_score > SHOWN_REFLEX:
+        return solution
+    passive = solve_time_varying(equations, passive=True)
+    is_passive = passive.converged and passive.reflex_score < ABSENT_REFLEX
+    return passive if is_passive else solution
 
 
 def measure_constancy(solution: TimeVaryingSolution) -> Constancy:
@@ -133,14 +140,17 @@ def _list_alternatives(
     for alternative in find_alternatives(solution):
         if alternative.effect == "delay" and alternative.significant:
             freed = _solve(trials, options.model_copy(update={"delay": None}))
-            shifts = compute_shifts(solution.means, freed.means)
+            shifts = compute_shifts(solution.shown_means, freed.means)
             alternative = replace(alternative, size=freed.delay, shifts=shifts)
         alternatives.append(alternative)
     return alternatives
 
 
 def _estimate(
-    trials: Sequence[PreparedTrial], solution: TimeVaryingSolution, options: RivTvOptions
+    trials: Sequence[PreparedTrial],
+    solution: TimeVaryingSolution,
+    options: RivTvOptions,
+    constancy: Constancy | None,
 ) -> Estimate:
     """Torques, trajectories with their bands, and means over the record."""
     equations = solution.equations
@@ -152,13 +162,23 @@ def _estimate(
     parts = zip(trials, equations.grids, course.parts, strict=True)
     torques = [model.torques(trial, grid, part.place) for trial, grid, part in parts]
     means = solution.means
-    reflex = {"delay": solution.delay, "G": means.pop("G"), **solution.parameters.dynamics.values}
+    reflex = {"delay": solution.delay, "G": means.pop("G")}
+    missing = [NO_REFLEX]
+    if not solution.parameters.passive:
+        reflex |= solution.parameters.dynamics.values
+        missing = []
     values = {**means, **reflex}
+    kind = None
     uncertainty = Uncertainty()
-    if solution.converged:
-        uncertainty = Uncertainty.of(
-            values, solution.parameter_rows, solution.covariance, course.segments - 1
-        )
+    if constancy is not None:
+        kind = "robust"
+        covariance = solution.covariance
+        freedom = course.segments - 1
+        if len(trials) > 1 and constancy.probability < DIFFERENT:
+            kind = "between trials"
+            covariance = constancy.covariance
+            freedom = len(trials) - 1
+        uncertainty = Uncertainty.of(values, solution.parameter_rows, covariance, freedom)
     schedule = {}
     if options.schedule:
         unit = str(trials[0].trial[options.schedule].attrs.get("units", ""))
@@ -173,12 +193,13 @@ def _estimate(
             "order": options.order,
             "converged": solution.converged,
             "cycles" if course.periodic else "segments": course.segments,
-            "intervals": "robust" if solution.converged else None,
+            "intervals": kind,
             **uncertainty.diagnostics,
             "variation_p": solution.variation_p,
             "excitation": excitations,
             "torque_lag": solution.parameters.lag,
             "reference": options.reference,
+            "missing": missing,
             "warnings": _warnings(trials, solution, coordinate, curves),
         },
         predictor=model,

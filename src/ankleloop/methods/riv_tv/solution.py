@@ -10,6 +10,7 @@ import numpy as np
 from scipy import linalg, special
 
 from ankleloop.joint.dynamics import GRIDS, respond
+from ankleloop.methods.riv.alternatives import normal_score
 from ankleloop.methods.riv.equations import Parameters
 from ankleloop.methods.riv.start import fit_grid
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
@@ -78,6 +79,20 @@ class TimeVaryingSolution:
     def means(self) -> dict[str, float]:
         """Means of K, B, I and G over the record."""
         return self.equations.bases.means(self.parameters.linear)
+
+    @property
+    def shown_means(self) -> dict[str, float]:
+        """Means over the record; without a G that is that of no reflex."""
+        means = self.means
+        if self.parameters.passive:
+            del means["G"]
+        return means
+
+    @property
+    def reflex_score(self) -> float:
+        """Normal score of the coefficients of the reflex."""
+        block = self.equations.bases.blocks["G"]
+        return abs(normal_score(self.parameters.linear[block], self.covariance[block, block]))
 
     @property
     def quantile(self) -> float:
@@ -187,14 +202,18 @@ class TimeVaryingSolution:
         return float(special.chdtrc(left.size, statistic))
 
 
-def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
-    """Solve the equations, from the best of a grid of dynamics for constant parameters.
+def solve_time_varying(
+    equations: TimeVaryingEquations, *, passive: bool = False
+) -> TimeVaryingSolution:
+    """Solve the equations, from the best of a grid of dynamics for constant parameters; or for a passive joint.
 
     A round solves the linear equations with weights and instruments of the point where it begins, chooses the
     penalties (`choose_penalties`), makes a step of the dynamics and of the delays, and renews the weights. The round
     after the last step is for the linear parameters alone.
     """
     parameters = _find_start(equations)
+    if passive:
+        parameters = parameters.without_reflex()
     size = parameters.linear.size
     largest = np.array([LARGEST_STEPS[name] for name in parameters.unknowns])
     converged = False
@@ -209,8 +228,8 @@ def solve_time_varying(equations: TimeVaryingEquations) -> TimeVaryingSolution:
             break
         inverse = invert_scaled(system.information)
         errors = np.sqrt(np.maximum(solution.variance * np.diag(inverse)[size:], 1e-300))
-        small = np.max(np.abs(step) / errors) < CONVERGED
-        negligible = np.max(np.abs(step) / largest) < NEGLIGIBLE_STEP
+        small = np.max(np.abs(step) / errors, initial=0.0) < CONVERGED
+        negligible = np.max(np.abs(step) / largest, initial=0.0) < NEGLIGIBLE_STEP
         converged = number >= FEWEST_ROUNDS and bool(small or negligible)
         # The columns of the dynamics are those of the linear parameters where the round begins.
         limited = np.clip(step, -largest, largest)
