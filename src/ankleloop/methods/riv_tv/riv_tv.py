@@ -65,10 +65,10 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
     -------
     Estimate
         `trajectories` holds K, B and G, and I where `inertia_knots` says so, with their 95 % bands; `stiffness`
-        and `reflex` their means over the record, and I, delay and, unless the joint is passive, ωn, ζ. `diagnostics`: converged, cycles
-        (or segments that count as independent), intervals (their kind), variation_p (probability of a variation
-        as large, were K, B or G constant), excitation (information about each trajectory over its mean, at its
-        places), torque_lag, and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
+        and `reflex` their means over the record, and I, delay and, unless the joint is passive, ωn, ζ. `diagnostics`:
+        converged, cycles (or segments that count as independent), intervals (their kind), variation_p (probability of a
+        variation as large, were K, B or G constant), excitation (information about each trajectory over its mean, at
+        its places), torque_lag, and alternatives as of `ankleloop.methods.riv.riv.identify_riv`.
 
     References
     ----------
