@@ -40,6 +40,7 @@ rule index:
         ledger=["results/verification.csv"] if ARTICLE else [],
     output:
         metadata="results/ro-crate-metadata.json",
+        source=directory("results/source"),
         configuration="results/configuration.json",
         provenance="results/provenance.json",
         index="results/index.html",
@@ -68,6 +69,13 @@ rule index:
             *[f"report/{study.name}" for study in RUN if study.settings.notebook],
         ],
         studies=[study.describe() for study in RUN],
+        recordings=[
+            path
+            for study in RUN
+            if isinstance(study, RecordedStudy)
+            for point in study.points.values()
+            for path in point["paths"]
+        ],
         library=library("workflow/scripts/index.py"),
     script:
         "../scripts/index.py"

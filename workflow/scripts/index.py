@@ -5,14 +5,15 @@ from pathlib import Path
 
 import pandas as pd
 
+from ankleloop.jobs.crate import Run, write_crate
 from ankleloop.jobs.job import running
 from ankleloop.jobs.results import (
     collect_results,
+    find_agent,
     read_provenance,
     read_run_times,
     read_tables,
     tabulate_recordings,
-    write_crate,
 )
 from ankleloop.pages.index import render_index, render_ledger, render_tables
 from ankleloop.paper.ledger import read_conclusions
@@ -37,7 +38,6 @@ with running(snakemake):
     provenance = read_provenance(snakemake.params.repository)
     write_json(output.configuration, snakemake.params.configuration)
     write_json(output.provenance, provenance)
-    write_crate(folder, snakemake.input.results, Path(output.configuration), provenance)
     write_text(output.tables, render_tables(read_tables(map(Path, snakemake.input.summaries))))
     ledger = pd.read_csv(snakemake.input.ledger[0]) if output.ledger else None
     for path in output.ledger:
@@ -47,3 +47,16 @@ with running(snakemake):
     results = collect_results(folder, studies, recordings, times, provenance, ledger)
     conclusions = read_conclusions(snakemake.input.conclusions)
     write_text(output.index, render_index(results, ledger, conclusions))
+    pages = [output.index, output.provenance, output.tables, *output.ledger]
+    now = Path(output.index).stat().st_mtime
+    starts = times["end"] - times["seconds"]
+    run = Run(
+        repository=Path(snakemake.params.repository),
+        configuration=Path(output.configuration),
+        recordings=[Path(path) for path in snakemake.params.recordings if Path(path).exists()],
+        results=[Path(path) for path in [*snakemake.input.results, *pages]],
+        start=starts.min() if len(times) else now,
+        end=now,
+        agent=find_agent(snakemake.params.repository),
+    )
+    write_crate(folder, run, provenance)

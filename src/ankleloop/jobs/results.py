@@ -5,8 +5,8 @@ Earlier runs may have left other files in the same folders: only those of the st
 
 from __future__ import annotations
 
+import getpass
 import json
-import mimetypes
 import os
 import platform
 import subprocess
@@ -19,11 +19,8 @@ from typing import Any
 import pandas as pd
 
 import ankleloop
-from ankleloop.jobs.fingerprint import hash_file
-from ankleloop.trials.files import PathLike, atomic_file
+from ankleloop.trials.files import PathLike
 
-PROFILE = "https://w3id.org/ro/wfrun/process/0.5"  # Process Run Crate: one action, from objects to results
-LICENCE = "https://spdx.org/licenses/MIT"
 TITLE = "Results of ankleloop: intrinsic and reflex joint stiffness identified in closed loop"
 # Pages and files of the whole run, in the order of the list.
 LINKS = {
@@ -87,68 +84,9 @@ def _ask_git(root: PathLike, *arguments: str) -> str:
     return answer.stdout.strip()
 
 
-def write_crate(
-    folder: Path,
-    outputs: Iterable[str],
-    configuration: Path,
-    provenance: Provenance,
-) -> None:
-    """Write the metadata of a run beside its results."""
-    # Here: a package of the workflow, which the library does without.
-    from rocrate.rocrate import ROCrate
-
-    crate = ROCrate()
-
-    def add_file(path: Path) -> Any:
-        relative = path.relative_to(folder).as_posix()
-        kind, _ = mimetypes.guess_type(path.name)
-        properties = {
-            "name": relative,
-            "encodingFormat": kind or "application/octet-stream",
-            "contentSize": str(path.stat().st_size),
-            "sha256": hash_file(path),
-        }
-        return crate.add_file(path, relative, properties=properties)
-
-    version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
-    if provenance["changed"]:
-        version += " with changes that are not committed"
-    packages = {"Python": provenance["python"], **provenance["packages"]}
-    program = crate.add_jsonld(
-        {
-            "@id": "#ankleloop",
-            "@type": "SoftwareApplication",
-            "name": "ankleloop",
-            "softwareVersion": version,
-            "operatingSystem": provenance["system"],
-            "license": LICENCE,
-            "softwareRequirements": [
-                f"{name} {release}" for name, release in packages.items() if name != "ankleloop"
-            ],
-        }
-    )
-    settings = add_file(configuration)  # with all defaults, and the seeds of the studies
-    files = {configuration}
-    for output in map(Path, outputs):
-        files |= set(filter(Path.is_file, [output, *output.rglob("*")]))
-    results = [add_file(file) for file in sorted(files - {configuration})]
-    end = datetime.fromtimestamp(max(file.stat().st_mtime for file in files), UTC)
-    action = {"name": "Run of the workflow", "endTime": end.isoformat()}
-    crate.add_action(program, "#run", [settings], results, action)
-    crate.name = TITLE
-    crate.license = LICENCE
-    crate.description = f"Made by ankleloop {version}."
-    crate.root_dataset["conformsTo"] = crate.add_jsonld(
-        {
-            "@id": PROFILE,
-            "@type": "CreativeWork",
-            "name": "Process Run Crate",
-            "version": "0.5",
-        }
-    )
-    with atomic_file(folder / crate.metadata.id, overwrite=True) as partial:
-        text = json.dumps(crate.metadata.generate(), indent=4, sort_keys=True, ensure_ascii=False)
-        partial.write_text(text, encoding="utf-8")
+def find_agent(root: PathLike) -> str:
+    """Who runs the workflow: the name that git has, else that of the account."""
+    return _ask_git(root, "config", "user.name") or getpass.getuser()
 
 
 def collect_results(
