@@ -210,7 +210,7 @@ def test_yaml_is_what_the_models_of_the_configuration_take(block, files, monkeyp
     monkeypatch.chdir(files)
     keys = set(yaml.safe_load(top_level_parts(block.code)[0]))
     if block.page == "docs/how-to/clusters.md":
-        profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8"))
+        profile = yaml.safe_load((ROOT / "profiles/slurm/profile.yaml").read_text(encoding="utf-8"))
         assert set(yaml.safe_load(block.code)) <= set(profile)
     elif block.output is not None:
         with pytest.raises(Exception, match=r".") as caught:
