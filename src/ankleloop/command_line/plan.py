@@ -13,7 +13,6 @@ from ankleloop.command_line.terminal import (
     echo,
     join_words,
     list_words,
-    name_option,
     show_correction,
     show_error,
     show_next,
@@ -80,10 +79,7 @@ def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
     echo(f"\n{pilot!r}\n\n{plan_duration(pilot, widths)}")
     show_correction(pilot.diagnostics.get("remedy", {}), words)
     # The recording is read as its pilot was.
-    settings = {
-        name_option(name): value
-        for name, value in values.items()
-        if name not in PILOT_ONLY and value is not None and value is not False
-    }
-    show_next(join_words(["ankleloop", "check", "RECORDING", *list_words(settings)]))
+    for name in PILOT_ONLY:
+        del values[name]
+    show_next(join_words(["ankleloop", "check", "RECORDING", *list_words(values)]))
     return 0

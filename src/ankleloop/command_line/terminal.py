@@ -81,20 +81,18 @@ def join_words(words: Sequence[str]) -> str:
 
 def correct(words: Sequence[str], remedy: Mapping[str, Any]) -> list[str]:
     """Words of a command with the options of a remedy, each in the place of what the user gave for it."""
-    settings = {
-        name_option(name): PLACEHOLDERS[name] if value is None else value
-        for name, value in remedy.items()
-    }
+    known = {name: PLACEHOLDERS[name] if value is None else value for name, value in remedy.items()}
+    options = set(map(name_option, known))
     end = words.index("--") if "--" in words else len(words)  # of the options
     kept = []
     rest = iter(words[:end])
     for word in rest:
         option, equals, _ = word.partition("=")
-        if option not in settings:
+        if option not in options:
             kept.append(word)
         elif not equals:
             next(rest, None)  # its value
-    return [*kept, *list_words(settings), *words[end:]]
+    return [*kept, *list_words(known), *words[end:]]
 
 
 def name_option(name: str) -> str:
@@ -102,11 +100,14 @@ def name_option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def list_words(settings: Mapping[str, Any]) -> list[str]:
-    """Words of options with their values; a flag is true."""
+def list_words(values: Mapping[str, Any]) -> list[str]:
+    """Options with their values by name; a flag is true, and what is not stated has no value."""
     words = []
-    for option, value in settings.items():
-        words += [option] if value is True else [option, str(value)]
+    for name, value in values.items():
+        if value is True:
+            words.append(name_option(name))
+        elif value is not None and value is not False:
+            words += [name_option(name), str(value)]
     return words
 
 

@@ -1,5 +1,6 @@
 """`check`, `identify`, `plan`, `study` and `demo` with real files."""
 
+import json
 import logging
 import os
 import re
@@ -9,7 +10,9 @@ import subprocess
 import sys
 from itertools import product
 from multiprocessing import get_context
+from zipfile import ZipFile
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
@@ -77,6 +80,47 @@ def test_check_corrects_the_sign_of_the_torque(run, trial, tmp_path, channels, s
     command = ["ankleloop", "check", str(path), *corrected]
     assert f"next: {shlex.join(command)}\n" in result.err
     assert run(*command[1:]).status == 0
+
+
+def test_bundle_for_a_report(run, recording, tmp_path):
+    bundle = tmp_path / "report.zip"
+    result = run("check", recording, "--bundle", bundle)
+    assert result.status == 0
+    assert "--bundle" not in result.err  # not in the next command either
+    with ZipFile(bundle) as archive:
+        (name,) = archive.namelist()
+        report = json.loads(archive.read(name))
+    assert report["command"] == ["check", str(recording), "--bundle", str(bundle)]
+    described = report[recording.name]
+    assert described["options"]["position_unit"] == "deg"
+    assert described["read"]["torque"]["count"] == 20_000
+    assert {finding["verdict"] for finding in described["findings"]} >= {"ok"}
+    assert report["versions"]["packages"]["numpy"] == np.__version__
+
+
+def test_bundle_of_a_file_that_cannot_be_read(run, tmp_path):
+    file = tmp_path / "S3.mat"
+    file.write_bytes(b"MATLAB 5.0" + bytes(300))
+    result = run("check", file, "--bundle", tmp_path / "report.zip", "--bundle-samples")
+    assert result.status == 1
+    with ZipFile(tmp_path / "report.zip") as archive:
+        assert archive.read(file.name) == file.read_bytes()
+        report = json.loads(archive.read("report.json"))
+    assert "DataError: S3.mat: not a readable .mat file" in report["error"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--bundle", __file__], "is no new file whose name ends in .zip."),
+        (["--bundle", "report.txt"], "report.txt is no new file whose name ends in .zip."),
+        (["--bundle-samples"], "--bundle-samples needs --bundle NEW.zip."),
+    ],
+)
+def test_wrong_bundles(run, recording, arguments, message):
+    result = run("check", recording, *arguments)
+    assert result.status == 2
+    assert message in " ".join(result.err.split())
 
 
 # --- plan
