@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from scipy.signal import resample_poly
 
 from ankleloop.assessment.scores import score_torques
@@ -157,7 +158,8 @@ def block_bootstrap(
     is_list = isinstance(trial, (list, tuple))
     estimate = identify(originals if is_list else originals[0], method, **options)
     rate = estimate.torque.attrs["identification_rate"]
-    residuals = _find_residuals(originals, estimate)
+    parts = split_torques(estimate.torque)
+    residuals = _find_residuals(originals, estimate, parts)
     length = max(1, round(block * rate))
     sizes = [residual.size for residual in residuals]
     if sum(sizes) < 10 * length or min(sizes) < length:
@@ -170,7 +172,7 @@ def block_bootstrap(
     reason = "a parameter could not be estimated."
     for _ in range(repetitions):
         changes = [_draw_blocks(residual, length, rng) - residual for residual in residuals]
-        resampled = _change_torques(originals, estimate, changes)
+        resampled = _change_torques(originals, parts, changes)
         try:
             repetition = identify(resampled if is_list else resampled[0], method, **options)
             rows.append(_sample_row(resampled, repetition))
@@ -199,23 +201,27 @@ def _draw_blocks(residual: np.ndarray, length: int, rng: np.random.Generator) ->
     return blocks - blocks.mean()
 
 
-def _find_residuals(trials: Sequence[PreparedTrial], estimate: Estimate) -> list[np.ndarray]:
-    """What an estimate leaves of the torque of each trial, less its mean."""
+def _find_residuals(
+    trials: Sequence[PreparedTrial], estimate: Estimate, torques: Sequence[xr.Dataset]
+) -> list[np.ndarray]:
+    """What an estimate, whose torques are those of each trial, leaves of their torque, less its mean."""
     measured = sample_channel(trials, "torque", estimate.torque)
     residuals = []
-    for torque, part in zip(measured, split_torques(estimate.torque), strict=True):
+    for torque, part in zip(measured, torques, strict=True):
         residual = torque - part["net"].values
         residuals.append(residual - residual.mean())
     return residuals
 
 
 def _change_torques(
-    trials: Sequence[PreparedTrial], estimate: Estimate, changes: Sequence[np.ndarray]
+    trials: Sequence[PreparedTrial],
+    torques: Sequence[xr.Dataset],
+    changes: Sequence[np.ndarray],
 ) -> list[PreparedTrial]:
-    """Trials with a change of their torque, which is given at the samples of an estimate."""
-    rate = estimate.torque.attrs["identification_rate"]
+    """Trials with a change of their torque, which is given at the samples of an estimate's torques."""
+    rate = torques[0].attrs["identification_rate"]
     changed = []
-    for trial, part, change in zip(trials, split_torques(estimate.torque), changes, strict=True):
+    for trial, part, change in zip(trials, torques, changes, strict=True):
         dataset = trial.trial
         start = float(part["time"][0])
         first = round((start - trial.time[0]) * trial.rate)
