@@ -10,8 +10,8 @@ import click
 from ankleloop.errors import DataError
 
 HELP = (
-    "Subject, condition and trial in the names of the files, without their suffix, such as '{subject}_{condition}' or "
-    "'{subject}/{condition}-{trial}'."
+    "Subject, condition, trial and session in the names of the files, without their suffix, such as "
+    "'{subject}_{condition}' or '{subject}/{condition}-{trial}'."
 )
 names_option = click.option("--names", metavar="PATTERN", help=HELP)
 

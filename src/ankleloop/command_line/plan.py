@@ -18,10 +18,11 @@ from ankleloop.command_line.terminal import (
     show_next,
 )
 from ankleloop.options import check_number
+from ankleloop.recordings.labels import GROUPS
 
 HELP = "Half-width of a 95 % interval over the value: of K, B, I, G, omega_n or zeta; several times for several."
 # Options that say which part of a file the pilot is, or what it is called.
-PILOT_ONLY = ("case", "start", "stop", "cycle_onsets", "subject", "condition", "trial")
+PILOT_ONLY = ("case", "start", "stop", "cycle_onsets", *GROUPS)
 EPILOG = """\b
 Examples:
   ankleloop plan pilot.mat --torque-sign -1 --width K=5% --width G=20%

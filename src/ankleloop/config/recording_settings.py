@@ -22,6 +22,7 @@ from ankleloop.config.checking import (
 )
 from ankleloop.errors import DataError
 from ankleloop.options import option, show_value
+from ankleloop.recordings.labels import GROUPS
 from ankleloop.trials.files import PathLike
 from ankleloop.trials.reading_options import ReadingOptions, list_trials
 
@@ -39,6 +40,9 @@ class Recording(ReadingOptions):
     subject: str = option("", "subject; groups the figures")
     condition: str = option("", "condition; groups the figures")
     trial: str = option("", "repetition")
+    session: str = option(
+        "", "session in which it was recorded; without one each trial is a session"
+    )
     start: float | None = option(
         None, "start of the segment that is used; null for the beginning", unit="s", ge=0
     )
@@ -90,16 +94,14 @@ class Recording(ReadingOptions):
 class _Row(Recording):
     """A row of a table of recordings: a recording, or one of the trials that are merged into one."""
 
-    name: str | None = option(
-        None, "name of the recording; without one, subject, condition and trial make it"
-    )
+    name: str | None = option(None, "name of the recording; without one, its labels make it")
     batch: str | None = option(None, "name that rows share whose trials are merged")
 
     @property
     def recording_name(self) -> str:
         """Name of the recording to which the row belongs."""
-        parts = [part for part in (self.subject, self.condition, self.trial) if part]
-        return self.batch or self.name or "-".join(parts) or Path(self.file).name
+        labels = "-".join(filter(None, (getattr(self, name) for name in GROUPS)))
+        return self.batch or self.name or labels or Path(self.file).name
 
 
 def name_trials(name: str, trials: Sequence[Recording]) -> dict[str, Recording]:

@@ -19,6 +19,7 @@ POWER = 0.8  # probability that a difference is found
 QUANTILE = 0.975  # of two-sided 95 %
 NORMAL = 1.96  # that of the normal distribution
 MOST_SUBJECTS = 1000
+NO_LABEL = ("", "–", None)  # cells without one
 
 Row = dict[str, Any]
 
@@ -200,8 +201,8 @@ def _describe_repeatability(values: np.ndarray, condition: Any) -> list[Row]:
 def select_comparable(table: pd.DataFrame) -> pd.DataFrame | None:
     """Recordings whose conditions can be compared within subjects, a row for each; None where there are none.
 
-    All are by the method that is recommended most often, so that no difference is one of methods. Where each subject
-    has several trials in each condition, they are sessions.
+    All are by the method that is recommended most often, so that no difference is one of methods. Where no
+    session is stated, several trials of a subject in a condition are sessions.
 
     Parameters
     ----------
@@ -215,14 +216,14 @@ def select_comparable(table: pd.DataFrame) -> pd.DataFrame | None:
     """
     recommended = table[table["recommended"].eq(True)]
     groups = table[["subject", "condition"]]
-    if recommended.empty or groups.isin(["", "–", None]).any(axis=None):
+    if recommended.empty or groups.isin(NO_LABEL).any(axis=None):
         return None
     used = table[table["label"] == recommended["label"].mode()[0]]
     used = select_rows(used, list(groups))
     if used["subject"].nunique() < 2 or used["condition"].nunique() < 2:
         return None
-    counts = used.groupby(list(groups))["trial"].nunique()
-    return used.rename(columns={"trial": "session"}) if (counts > 1).all() else used
+    is_stated = ~used["session"].isin(NO_LABEL)
+    return used.assign(session=used["session"].where(is_stated, used["trial"]))
 
 
 def describe_differences(comparison: pd.DataFrame, name: str = "K") -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from ankleloop.errors import DataError
 from ankleloop.trials.files import PathLike
 
-GROUPS = ("subject", "condition", "trial")
+GROUPS = ("subject", "condition", "trial", "session")
 PLACE = re.compile(r"\{(.*?)\}")  # of a label in a pattern
 WORD = re.compile(r"[^_\s-]+")  # of a name
 

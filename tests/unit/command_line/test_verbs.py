@@ -324,7 +324,7 @@ def test_identify_answers_how_conditions_differ(run, tmp_path):
         ("{subject}_{condition}", "--names: "),
         (
             "{load}",
-            "--names: 'load' is no label of a recording; these are subject, condition, trial.",
+            "--names: 'load' is no label of a recording; these are subject, condition, trial, session.",
         ),
     ],
 )

@@ -78,7 +78,13 @@ def check_page(html):
 
 
 def mapping(**values):
-    groups = {"subject": "S1", "condition": "rest", "trial": 1, "parts": [{"file": "first.csv"}]}
+    groups = {
+        "subject": "S1",
+        "condition": "rest",
+        "trial": 1,
+        "session": "",
+        "parts": [{"file": "first.csv"}],
+    }
     return {**groups, **values}
 
 

@@ -9,6 +9,7 @@ REFUSED = {
     "subject": "Ann",
     "condition": "rest",
     "trial": None,
+    "session": None,
     "verdict": "refused",
     "reasons": "torque: there is a gap",
     "valid": False,

@@ -134,14 +134,15 @@ def test_wrong_tables(table):
         compare(table.assign(K=np.nan))
 
 
-def test_trials_of_recordings_are_sessions_where_all_have_several(table):
-    table = table.assign(label="riv", recommended=True, trusted=True, trial=["1", "2"] * 24)
+@pytest.mark.parametrize("labels", [("trial", "session"), ("session", "trial")])
+def test_recordings_have_sessions_or_their_trials_are_sessions(table, labels):
+    table = table.assign(label="riv", recommended=True, trusted=True)
+    table = table.assign(**dict(zip(labels, (["1", "2"] * 24, ""), strict=True)))
     kinds = compare(select_comparable(table))["kind"]
     assert "ICC(2,1)" in set(kinds)
+    assert "ICC(2,1)" not in set(compare(select_comparable(table[::2]))["kind"])
     assert select_comparable(table.assign(subject="")) is None
     assert select_comparable(table[table["subject"] == "a"]) is None
-    table.loc[0, "trial"] = "2"
-    assert "session" not in select_comparable(table)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from ankleloop.recordings import files
 from ankleloop.recordings.analysis import analyse
 
 MAPPING = {"position": "angle", "torque": "moment", "position_unit": "deg", "torque_sign": -1}
-MAPPING |= {"subject": "S1", "condition": "rest", "trial": 2}
+MAPPING |= {"subject": "S1", "condition": "rest", "trial": 2, "session": ""}
 METHODS = {"PR-MOESP": {"method": "pr-moesp", "options": {"reference": "position"}}}
 
 

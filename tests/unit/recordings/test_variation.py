@@ -23,7 +23,7 @@ METHODS = {
     "changing": {"method": "riv-tv", "options": {"rest_position": 0.0}},
     "constant": {"method": "riv"},
 }
-MAPPING = {"subject": "", "condition": "", "trial": "", "parts": [{"file": "a.nc"}]}
+MAPPING = {"subject": "", "condition": "", "trial": "", "session": "", "parts": [{"file": "a.nc"}]}
 
 
 def onsets_of(trial):
