@@ -45,13 +45,6 @@ def in_braces(folder: Path) -> Path:
     return folder / "new.yaml"
 
 
-def claimed(folder: Path) -> Path:
-    """A recording whose results another command is writing."""
-    (folder / "a.csv-results").mkdir()
-    (folder / "a.csv-results" / ".a.claim").touch()
-    return csv_file()(folder)
-
-
 def identified(folder: Path) -> Path:
     """A recording beside results that somebody has made of it."""
     (folder / "a.csv-results").mkdir()
@@ -146,12 +139,5 @@ ROWS = [
         USAGE,
         "Snakemake takes the braces of",
         "a{1}.csv for wildcards: rename it",
-    ),
-    row(
-        "results that another command is writing",
-        claimed,
-        "identify",
-        USAGE,
-        ".a.claim: another command is writing the results of a: wait for it",
     ),
 ]

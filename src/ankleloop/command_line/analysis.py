@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import NoneType
@@ -44,9 +43,17 @@ def make_study(
     options: Mapping[str, Any],
 ) -> RecordedStudy:
     """The study of one recording, which the workflow would make of it, with options by [METHOD.]NAME."""
-    chosen = usual_methods(
-        reference="reference" in recording.channels, changing=recording.changes, names=methods
-    )
+    has_reference = "reference" in recording.channels
+    try:
+        chosen = usual_methods(reference=has_reference, changing=recording.changes, names=methods)
+    except ValueError as error:  # a name that nobody has registered
+        raise click.UsageError(f"--method: {error}") from None
+    for method in methods:
+        if method not in chosen:
+            known = ", ".join(usual_methods(reference=has_reference, changing=True))
+            raise click.UsageError(
+                f"--method: {method!r} is not offered here; methods are {known}."
+            )
     for option, value in options.items():
         _set_option(chosen, option, value)
     settings = {
@@ -80,24 +87,6 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
     for label in concerned:
         methods[label]["options"][field] = value
         methods[label]["select"].pop(field, None)
-
-
-@contextmanager
-def claim_results(folder: Path, name: str) -> Iterator[None]:
-    """Keep other commands from writing the results of a recording into a folder while the block runs."""
-    folder.mkdir(parents=True, exist_ok=True)
-    claim = folder / f".{name}.claim"
-    try:
-        claim.touch(exist_ok=False)
-    except FileExistsError:
-        raise click.UsageError(
-            f"{claim}: another command is writing the results of {name}: wait for it, or write elsewhere by --output. "
-            "If none runs any more, because it was killed, delete this file."
-        ) from None
-    try:
-        yield
-    finally:
-        claim.unlink()
 
 
 def refuse_results(folder: Path, names: Collection[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
-from contextlib import ExitStack
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -40,44 +40,20 @@ Results, in the folder of --output:
   comparison.csv, comparison-figure.png   of several subjects and conditions: differences within subjects, and a figure
 """
 RESULTS = "Folder of the results.  [default: FILE-results, of several files ankleloop-results]"
-CHOICE = "Method to fit, several times for several.  [default: all that are valid]"
+CHOICE = (
+    "Method to fit (riv, pr-moesp, pi-moesp, parallel-cascade, riv-tv, or one that another package registers), several "
+    "times for several.  [default: all that are valid]"
+)
 DELAY = "Reflex delay of every method [s]; `estimate` for the methods that can.  [default: that of each method]"
 JOBS = "Files that are identified side by side.  [default: as many as there are processors]"
 OPTION = "Option of a method, as riv.order=3; without METHOD of every method that has it. Several times for several."
-
-
-class OfferedMethod(click.ParamType):
-    """Name of a method that the command line offers, of the library or registered by another package."""
-
-    name = "method"
-
-    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        """The names of the library, for the help."""
-        from ankleloop.recordings.validity import usual_methods
-
-        return f"[{'|'.join(usual_methods(reference=True, changing=True))}]"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, context: click.Context | None
-    ) -> str:
-        """Refuse a name that is unknown, or of a method that is not offered."""
-        from ankleloop.recordings.validity import usual_methods
-
-        try:
-            is_offered = usual_methods(reference=True, names=[value])
-        except ValueError as error:
-            self.fail(str(error), param, context)
-        if not is_offered:
-            known = ", ".join(usual_methods(reference=True, changing=True))
-            self.fail(f"{value!r} is not offered here; methods are {known}.", param, context)
-        return str(value)
 
 
 @click.command(epilog=EPILOG)
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=FILE)
 @click.option("--output", type=FOLDER, help=RESULTS)
 @click.option("--overwrite", is_flag=True, help="Replace the results of an earlier run.")
-@click.option("--method", "methods", type=OfferedMethod(), multiple=True, help=CHOICE)
+@click.option("--method", "methods", multiple=True, metavar="METHOD", help=CHOICE)
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N", help=JOBS)
 @click.option("--delay", metavar="S|estimate", help=DELAY)
 @click.option("--option", "options", multiple=True, metavar="[METHOD.]NAME=VALUE", help=OPTION)
@@ -104,29 +80,19 @@ def identify(
     """
     from ankleloop.command_line import analysis
 
-    several = len(files) > 1
-    folder = output or Path("ankleloop-results" if several else f"{files[0]}-results")
+    folder = output or Path("ankleloop-results" if len(files) > 1 else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
-    paths = name_recordings(files)
+    recordings = _map_recordings(name_recordings(files), names, values)
     if not overwrite:
-        analysis.refuse_results(folder, paths)
-    recordings = _map_recordings(paths, names, values)
+        analysis.refuse_results(folder, recordings)
     several = len(recordings) > 1
     studies = [
         analysis.make_study(name, path, recording, methods, fields)
         for name, (recording, path) in recordings.items()
     ]
-    with ExitStack() as claims:
-        for name in [*recordings, analysis.TABLE] if several else recordings:
-            claims.enter_context(analysis.claim_results(folder, name))
-        if (
-            not overwrite
-        ):  # also those of each trial of a file, and what others have written meanwhile
-            analysis.refuse_results(folder, recordings)
-        if not several:
-            claims.enter_context(show_progress())
-        tables = []
+    tables = []
+    with nullcontext() if several else show_progress():
         analysed = analysis.identify_recordings(studies, folder, jobs or os.cpu_count() or 1)
         for (name, (_, path)), table in zip(recordings.items(), analysed, strict=True):
             tables.append(table)
@@ -138,7 +104,7 @@ def identify(
             others = {str(file) for file in files if file != path}
             words = [word for word in context.obj if word not in others]
             show_correction(table.attrs["remedy"], words)
-        page = analysis.write_summary(tables, folder) if several else folder / f"{name}.html"
+    page = analysis.write_summary(tables, folder) if several else folder / f"{name}.html"
     show_next(f"open {page}")
     if names is None:
         _suggest_names(files)

@@ -108,7 +108,7 @@ def compare(
         if "session" in used:
             sessions = used.pivot_table(name, within, [condition, "session"], observed=True)
             for key in means:
-                found += _describe_repeatability(sessions[key].dropna().to_numpy(), key)
+                found += _describe_repeatability(sessions[[key]].dropna().to_numpy(), key)
         unit = QUANTITIES[name].unit
         rows += [{"parameter": name, "unit": unit, **row} for row in found]
     if not rows:

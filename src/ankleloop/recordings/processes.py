@@ -33,14 +33,12 @@ SHORTER = {"start": None, "stop": None}  # options that take a shorter part
 
 Function = Callable[[Any], Any]
 
-_task: tuple[Function, Sequence[Any]]  # of a forked process: a function and all its items
-
 
 def run_each(function: Function, items: Sequence[Any], jobs: int = 1) -> Iterator[Any]:
     """Results of a function of each of some items, in their order, from so many processes side by side.
 
-    Function, items and results have to be such that another interpreter can be given them; forks need this of the
-    results only. The system may kill a process, which says nothing about its item: that is a `ResourceError`.
+    Function, items and results have to be such that another process can be given them. The system may kill a process,
+    which says nothing about its item: that is a `ResourceError`.
     """
     count = max(1, min(jobs, len(items)))
     if IS_FORKED:
@@ -52,37 +50,22 @@ def run_each(function: Function, items: Sequence[Any], jobs: int = 1) -> Iterato
 
 def _run_forks(function: Function, items: Sequence[Any], count: int) -> Iterator[Any]:
     """Results from forks of this process."""
-    pool = ProcessPoolExecutor(
-        count,
-        mp_context=multiprocessing.get_context("fork"),
-        initializer=_begin,
-        initargs=(function, items),
-    )
-    try:
-        for future in [pool.submit(_run_item, number) for number in range(len(items))]:
-            yield future.result()
-    except BrokenProcessPool:
-        raise ResourceError(KILLED, remedy=SHORTER) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_begin) as pool:
+        try:
+            yield from pool.map(function, items)
+        except BrokenProcessPool:
+            raise ResourceError(KILLED, remedy=SHORTER) from None
 
 
-def _begin(function: Function, items: Sequence[Any]) -> None:
-    """Keep what a fork is for, and end it where its parent is killed, which cannot say so."""
-    global _task
-    _task = (function, items)
+def _begin() -> None:
+    """End a fork where its parent is killed, which cannot say so."""
     # Modules of the parent stay, and figures are many small objects: to search them all for cycles takes an eighth of
     # the time.
     gc.freeze()
     gc.set_threshold(NEW_OBJECTS)
     parent: Any = multiprocessing.parent_process()
     threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
-
-
-def _run_item(number: int) -> Any:
-    """Result of an item in a fork."""
-    function, items = _task
-    return function(items[number])
 
 
 def _run_interpreters(function: Function, items: Sequence[Any], count: int) -> Iterator[Any]:
