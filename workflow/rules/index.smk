@@ -1,18 +1,5 @@
 # The metadata of a run, as a Research Object Crate, and the page at which a reader starts: what was made, from which
 # configuration and by which programs.
-JOBS = {
-    study.name: (
-        {"recordings": study.chunks}
-        if isinstance(study, RecordedStudy)
-        else {
-            "simulate": study.trial_files,
-            "sweep" if study.settings.keep == "scores" else "identify": study.chunks,
-        }
-    )
-    for study in RUN
-}
-
-
 rule index:
     input:
         results=targets(),
@@ -55,19 +42,6 @@ rule index:
     params:
         configuration=CONFIG.model_dump(mode="json", by_alias=True),
         repository=lambda wildcards: str(ROOT),
-        # Jobs of the run by their logs; folders may also hold those of earlier runs.
-        jobs=[
-            *(["verify", "article"] if ARTICLE else []),
-            *[
-                f"{rule}/{study}/{chunk}"
-                for study, rules in JOBS.items()
-                for rule, chunks in rules.items()
-                for chunk in range(len(chunks))
-            ],
-            *[f"table/{name}" for name in JOBS if name in SIMULATED],
-            *[f"predict/{study.name}" for study in RUN if prediction_files(study)],
-            *[f"report/{study.name}" for study in RUN if study.settings.notebook],
-        ],
         studies=[study.describe() for study in RUN],
         recordings=[
             path

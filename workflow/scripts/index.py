@@ -11,7 +11,6 @@ from ankleloop.jobs.results import (
     collect_results,
     find_agent,
     read_provenance,
-    read_run_times,
     read_tables,
     tabulate_recordings,
 )
@@ -42,9 +41,8 @@ with running(snakemake):
     ledger = pd.read_csv(snakemake.input.ledger[0]) if output.ledger else None
     for path in output.ledger:
         write_text(path, render_ledger(ledger))
-    times = read_run_times(Path(snakemake.log[0]).parent, snakemake.params.jobs)
     recordings = tabulate_recordings(map(Path, snakemake.input.tables))
-    results = collect_results(folder, studies, recordings, times, provenance, ledger)
+    results = collect_results(folder, studies, recordings, provenance, ledger)
     conclusions = read_conclusions(snakemake.input.conclusions)
     write_text(output.index, render_index(results, ledger, conclusions))
     pages = [output.index, output.provenance, output.tables, *output.ledger]

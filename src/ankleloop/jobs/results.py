@@ -39,7 +39,6 @@ DIAGRAM_CAPTIONS = {
 }
 FIGURE_KINDS = ("PNG", "PDF", "SVG", "CSV")
 NO_NUMBER = "–"
-BENCHMARK_TIMES = {"s": "seconds", "cpu_time": "cpu_seconds"}  # columns of benchmark files
 # Columns of the table of studies, by what they are made of.
 STUDY_COLUMNS = {
     "title": "title",
@@ -49,7 +48,6 @@ STUDY_COLUMNS = {
     "labels": "methods",
     "trials_per_point": "trials per point",
     "seed": "seed",
-    "minutes": "time of its jobs [min]",
 }
 
 Provenance = Mapping[str, Any]
@@ -66,6 +64,8 @@ def read_provenance(root: PathLike) -> dict[str, Any]:
     }
     return {
         "version": ankleloop.__version__,
+        # Who runs the workflow: the name that git has, else that of the account.
+        "agent": _ask_git(root, "config", "user.name") or getpass.getuser(),
         "commit": commit,
         "changed": bool(changes),
         "python": platform.python_version(),
@@ -84,16 +84,16 @@ def _ask_git(root: PathLike, *arguments: str) -> str:
     return answer.stdout.strip()
 
 
-def find_agent(root: PathLike) -> str:
-    """Who runs the workflow: the name that git has, else that of the account."""
-    return _ask_git(root, "config", "user.name") or getpass.getuser()
+def describe_version(provenance: Provenance) -> str:
+    """Version and commit of the program, and whether its files differ from the commit."""
+    version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
+    return f"{version}, with changes that are not committed" if provenance["changed"] else version
 
 
 def collect_results(
     folder: Path,
     studies: Sequence[Study],
     recordings: pd.DataFrame,
-    times: pd.DataFrame,
     provenance: Provenance,
     ledger: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
@@ -103,9 +103,7 @@ def collect_results(
         """A path below the folder; empty where there is no such file."""
         return path if (folder / path).exists() else ""
 
-    minutes = times.groupby("study")["seconds"].sum() / 60.0
     table = pd.DataFrame(studies, columns=list(STUDY_COLUMNS), dtype=object)
-    table["minutes"] = table["study"].map(minutes)
     for name in ("points", "labels"):
         table[name] = table[name].map(len)
     left_out = OF_ARTICLE if ledger is None else set()
@@ -120,7 +118,11 @@ def collect_results(
         "recording_links": [
             find(f"reports/{row.study}/{row.recording}.html") for row in recordings.itertuples()
         ],
-        "provenance": _describe_provenance(provenance, times),
+        "provenance": {
+            "Version": f"ankleloop {describe_version(provenance)}",
+            "Python": f"{provenance['python']}, {provenance['system']}",
+            "Made": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        },
     }
 
 
@@ -136,19 +138,6 @@ def _format_cell(value: Any) -> str:
     if pd.isna(value):
         return NO_NUMBER
     return f"{value:.5g}" if isinstance(value, float) else str(value)
-
-
-def read_run_times(folder: Path, jobs: Iterable[str]) -> pd.DataFrame:
-    """Times of jobs, from the benchmark files that Snakemake leaves beside their logs."""
-    rows = []
-    for job in jobs:
-        path = folder / f"{job}.tsv"
-        if not path.exists():
-            continue
-        table = pd.read_csv(path, sep="\t", na_values="-").rename(columns=BENCHMARK_TIMES)
-        study = "".join(Path(job).parts[1:2])
-        rows.append({**table.iloc[-1], "study": study, "end": path.stat().st_mtime})
-    return pd.DataFrame(rows, columns=["study", *BENCHMARK_TIMES.values(), "end"])
 
 
 def _collect_figures(folder: Path, studies: Iterable[Study]) -> Figures:
@@ -191,22 +180,3 @@ def tabulate_recordings(paths: Iterable[Path]) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows)
-
-
-def _describe_provenance(provenance: Provenance, times: pd.DataFrame) -> dict[str, str]:
-    """Versions and times of a run in words."""
-    commit = provenance["commit"] or "unknown: these files are no working copy of git"
-    if provenance["changed"]:
-        commit += ", with changes that are not committed"
-    texts = {
-        "Version": f"ankleloop {provenance['version']}",
-        "Commit": commit,
-        "Python": f"{provenance['python']}, {provenance['system']}",
-    }
-    if len(times):
-        ends = [(times["end"] - times["seconds"]).min(), times["end"].max()]
-        first, last = (f"{datetime.fromtimestamp(end, UTC):%Y-%m-%d %H:%M}" for end in ends)
-        minutes, processor = times[["seconds", "cpu_seconds"]].sum() / 60.0
-        texts["Jobs"] = f"{len(times)}, from {first} to {last} UTC"
-        texts["Time of all jobs"] = f"{minutes:.1f} min, processor time {processor:.1f} min"
-    return texts

@@ -1,13 +1,12 @@
 """The page that lists all results holds what its run has made, and nothing else; every text is escaped."""
 
 import json
-import os
 from html import escape
 
 import pandas as pd
 import pytest
 
-from ankleloop.jobs.results import collect_results, read_run_times, tabulate_recordings
+from ankleloop.jobs.results import collect_results, tabulate_recordings
 from ankleloop.pages.index import render_index
 
 HOSTILE = "<b>&co"
@@ -29,7 +28,6 @@ TABLE1 = {
     "seed": 7,
 }
 RECORDED = ("laboratory", "clinic")
-JOBS = ["article", "identify/table1/0", "identify/table1/1", "identify/table1/2", "report/table1"]
 
 
 @pytest.fixture
@@ -73,12 +71,11 @@ def folder(tmp_path):
 LEDGER = pd.DataFrame({"id": ["a", "b"], "verdict": ["reproduced", "cannot be judged"]})
 
 
-def collect(folder, ledger=LEDGER, jobs=()):
+def collect(folder, ledger=LEDGER):
     described = {"title": "Recordings", "kind": "recordings", "points": {"A1": {}}, "labels": {}}
     studies = [TABLE1, *(described | {"study": name} for name in RECORDED)]
     recordings = tabulate_recordings(folder / f"scores/{name}/0.parquet" for name in RECORDED)
-    times = read_run_times(folder.parent / "logs", jobs)
-    return collect_results(folder, studies, recordings, times, PROVENANCE, ledger)
+    return collect_results(folder, studies, recordings, PROVENANCE, ledger)
 
 
 def test_what_is_there_is_listed(folder):
@@ -99,27 +96,3 @@ def test_the_article_of_an_earlier_run_is_left_out(folder):
     assert list(results["links"].values()) == ["configuration.json"]
     page = render_index(results, None, {})
     assert "Ledger" not in page
-
-
-def test_times_of_the_jobs_of_the_run(folder):
-    """From benchmark files of Snakemake; time without a job, and a chunk of an earlier run, do not count."""
-    for name, row, end in (
-        ("identify/table1/0", (10.0, 300.0, 9.0), 1000.0),
-        ("identify/table1/1", (20.0, 400.0, 18.0), 1005.0),
-        ("identify/table1/7", (500.0, 400.0, 18.0), 5.0),
-        ("report/table1", (5.0, 200.0, 4.0), 2000.0),
-        ("article", (3.0, "-", "-"), 2003.0),  # too short for Snakemake to measure its memory
-    ):
-        path = folder.parent / "logs" / f"{name}.tsv"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(
-            "s\tmax_rss\tcpu_time\n" + "\t".join(map(str, row)) + "\n", encoding="utf-8"
-        )
-        os.utime(path, (end, end))
-    times = read_run_times(folder.parent / "logs", JOBS)
-    assert times["study"].tolist() == ["", "table1", "table1", "table1"]
-    results = collect(folder, jobs=JOBS)
-    assert (
-        results["studies"].set_index("study").loc["table1", "time of its jobs [min]"] == "0.58333"
-    )
-    assert dict(results["provenance"])["Jobs"] == "4, from 1970-01-01 00:16 to 1970-01-01 00:33 UTC"
