@@ -20,8 +20,7 @@ MOST_SAMPLES = 20_000  # of a line: less than 5 MB in the page
 PANEL_HEIGHT = 160  # px
 STRIP_HEIGHT = 80  # px of the strip that shows the window in the record
 SHORTEST_WINDOW = 0.05  # s
-SHOWN_ESTIMATES = 2  # the others, and all residuals, are hidden at first
-RESIDUAL_OPACITY = 0.45  # the colour of a residual is that of the estimate
+SHOWN_ESTIMATES = 2  # the others are hidden at first
 SIZE: dict[str, Any] = {"sizing_mode": "stretch_width", "min_border_left": 70}
 
 # How Bokeh draws a series, and its time [s] and torques [N·m] by the names of their panels.
@@ -43,7 +42,7 @@ def render_interactive_torques(
 def list_series(
     trial: PreparedTrial, estimates: Mapping[str, Estimate], styles: Styles
 ) -> list[Series]:
-    """Measured torque, true ones where they are known, estimates, and what they leave of the torques that are known."""
+    """Measured torque, true ones where they are known, and estimates."""
     longest = max(estimates.values(), key=lambda estimate: estimate.torque.sizes["time"])
     torques = centre_torques(trial, longest)
     measured = {"time": torques.time, "net": torques.measured}
@@ -51,7 +50,6 @@ def list_series(
     if torques.true:
         true = {"time": torques.time, **torques.true}
         series.append(({"name": "true (simulated)", "color": TRUE.colour}, true))
-    residuals: list[Series] = []
     for rank, (label, estimate) in enumerate(estimates.items()):
         own = centre_torques(trial, estimate)
         look = {
@@ -60,40 +58,28 @@ def list_series(
             "visible": rank < SHOWN_ESTIMATES,
         }
         series.append((look, {"time": own.time, **own.estimated}))
-        known = {**own.true, "net": own.measured}
-        left = {torque: known[torque] - own.estimated[torque] for torque in known}
-        look_of_residual = {
-            **look,
-            "name": f"residual of {label}",
-            "alpha": RESIDUAL_OPACITY,
-            "visible": False,
-        }
-        residuals.append((look_of_residual, {"time": own.time, **left}))
-    return series + residuals
+    return series
 
 
 def _draw(series: list[Series], window: Mapping[str, float], step: int) -> Any:
     """Bokeh's description of the figure: panels with one time, a legend that hides, and a strip with the window."""
     from bokeh.embed import json_item  # here: it takes a second, and few jobs need it
     from bokeh.layouts import column, gridplot
-    from bokeh.models import ColumnDataSource, CrosshairTool, Range1d, RangeTool, WheelZoomTool
-    from bokeh.models.annotations import Legend, Span
+    from bokeh.models import ColumnDataSource, Range1d, RangeTool, WheelZoomTool
+    from bokeh.models.annotations import Legend
     from bokeh.plotting import figure
 
     times = series[0][1]["time"][[0, -1]]
     start, end = find_window(times, window["start"], window["length"])
     x_range = Range1d(start=start, end=end, bounds=tuple(times), min_interval=SHORTEST_WINDOW)
     wheel = WheelZoomTool(dimensions="width", modifiers={"ctrl": True})
-    line = Span(dimension="height", line_color="#888888", line_dash="dotted")
-    cursor = CrosshairTool(overlay=line)
     options = {
         "frame_height": PANEL_HEIGHT,
         "x_range": x_range,
-        "tools": ["xpan", "box_zoom", "reset", "save", wheel, cursor],
+        "tools": ["xpan", "box_zoom", "reset", "save", wheel],
         "tooltips": [("", "$name"), ("time", "$x{0.000} s"), ("torque", "$y{0.000} N·m")],
         **SIZE,
         "active_scroll": wheel,
-        "active_inspect": cursor,
     }
     panels = {
         torque: figure(y_axis_label=f"{torque} torque [N·m]", **options) for torque in TORQUES
