@@ -5,11 +5,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.jobs.crate import Run, write_crate
+from ankleloop.jobs.crate import write_crate
 from ankleloop.jobs.job import running
 from ankleloop.jobs.results import (
     collect_results,
-    find_agent,
     read_provenance,
     read_tables,
     tabulate_recordings,
@@ -45,16 +44,15 @@ with running(snakemake):
     results = collect_results(folder, studies, recordings, provenance, ledger)
     conclusions = read_conclusions(snakemake.input.conclusions)
     write_text(output.index, render_index(results, ledger, conclusions))
-    pages = [output.index, output.provenance, output.tables, *output.ledger]
-    now = Path(output.index).stat().st_mtime
-    starts = times["end"] - times["seconds"]
-    run = Run(
-        repository=Path(snakemake.params.repository),
-        configuration=Path(output.configuration),
-        recordings=[Path(path) for path in snakemake.params.recordings if Path(path).exists()],
-        results=[Path(path) for path in [*snakemake.input.results, *pages]],
-        start=starts.min() if len(times) else now,
-        end=now,
-        agent=find_agent(snakemake.params.repository),
+    figures = [figure for part in results["figures"].values() for figure in part]
+    write_crate(
+        folder,
+        Path(snakemake.params.repository),
+        provenance,
+        recordings=snakemake.params.recordings,
+        results=[
+            *[*snakemake.input.results, *snakemake.input.summaries, *snakemake.input.ledger],
+            *[folder / path for figure in figures for path in figure["files"].values()],
+            *[output.index, output.provenance, output.tables, *output.ledger],
+        ],
     )
-    write_crate(folder, run, provenance)

@@ -9,22 +9,22 @@ import json
 import mimetypes
 import shutil
 import sys
+import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
 from ankleloop.jobs.fingerprint import hash_file
-from ankleloop.jobs.results import TITLE
-from ankleloop.trials.files import atomic_file
+from ankleloop.jobs.results import TITLE, describe_version
+from ankleloop.trials.files import PathLike, atomic_file
 
 LICENCE = "https://spdx.org/licenses/MIT"
 METADATA = "ro-crate-metadata.json"
 SOURCES = "source"  # folder of the crate with the workflow and what it read of its repository
-WORKFLOW = ("Snakefile", "workflow", "config", "environment.lock")
-PUBLISHED = "data/published"
+WORKFLOW = ("Snakefile", "workflow", "config", "data", "notebooks", "environment.lock")
+PUBLISHED = "data/published"  # numbers and claims of the paper
 # Profiles of the crate, each an extension of those before it.
 PROFILES = {
     "https://w3id.org/ro/wfrun/process/0.5": ("Process Run Crate", "0.5"),
@@ -33,21 +33,17 @@ PROFILES = {
 }
 
 
-@dataclass(frozen=True)
-class Run:
-    """What a run read and made, and when."""
+def write_crate(
+    folder: Path,
+    repository: Path,
+    provenance: Mapping[str, Any],
+    recordings: Iterable[PathLike],
+    results: Iterable[PathLike],
+) -> None:
+    """Write the metadata of a run beside its results, and copy the workflow of the repository there.
 
-    repository: Path  # folder of the workflow
-    configuration: Path  # with all defaults, and the seeds of the studies
-    recordings: Iterable[Path]  # files of a laboratory that were read; they stay where they are
-    results: Iterable[Path]  # files, and folders of files
-    start: float  # s since 1970
-    end: float
-    agent: str  # who ran it
-
-
-def write_crate(folder: Path, run: Run, provenance: Mapping[str, Any]) -> None:
-    """Write the metadata of a run beside its results, and copy the workflow there."""
+    Recordings of a laboratory stay where they are; results are files, and folders of files.
+    """
     # Here: a package of the workflow, which the library does without.
     from rocrate.rocrate import ROCrate
 
@@ -58,7 +54,7 @@ def write_crate(folder: Path, run: Run, provenance: Mapping[str, Any]) -> None:
         return crate.add_file(path, relative, properties=_describe_file(path, relative))
 
     sources = folder / SOURCES
-    _copy_sources(run.repository, sources)
+    _copy_sources(repository, sources)
     workflow = crate.add_workflow(
         sources / "Snakefile",
         f"{SOURCES}/Snakefile",
@@ -68,29 +64,29 @@ def write_crate(folder: Path, run: Run, provenance: Mapping[str, Any]) -> None:
         properties={"name": "Workflow of ankleloop", "license": LICENCE},
     )
     workflow["softwareRequirements"] = _add_program(crate, provenance)
-    for path in _list_files([sources]):
-        if path != sources / "Snakefile":
-            add_file(path)
-    inputs = [add_file(run.configuration)]
+    for path in set(_list_files([sources])) - {sources / "Snakefile"}:
+        add_file(path)
+    inputs = [add_file(folder / "configuration.json")]  # all defaults, and the seeds of the studies
     inputs += [add_file(path) for path in _list_files([sources / PUBLISHED])]
-    for path in run.recordings:
+    for path in filter(Path.exists, map(Path, recordings)):
         properties = {"@type": "CreativeWork", **_describe_file(path, path.name)}
         inputs.append(crate.add_jsonld({"@id": f"#{properties['sha256']}", **properties}))
-    results = [add_file(path) for path in _list_files(run.results) if path != run.configuration]
-    agent = {"@id": "#agent", "@type": "Person", "name": run.agent}
+    made = _list_files(results)
     action = crate.add_action(
         workflow,
         "#run",
         inputs,
-        results,
+        [add_file(path) for path in made],
         {
             "name": "Run of the workflow",
             "description": "Simulates or reads trials, identifies them by each method, and reports.",
-            "startTime": _format_time(run.start),
-            "endTime": _format_time(run.end),
+            "startTime": _format_time(min(path.stat().st_mtime for path in made)),
+            "endTime": _format_time(time.time()),
         },
     )
-    action["agent"] = crate.add_jsonld(agent)
+    action["agent"] = crate.add_jsonld(
+        {"@id": "#agent", "@type": "Person", "name": provenance["agent"]}
+    )
     root = crate.root_dataset
     root["mentions"] = action
     root["conformsTo"] = [
@@ -110,23 +106,21 @@ def write_crate(folder: Path, run: Run, provenance: Mapping[str, Any]) -> None:
 
 
 def _copy_sources(repository: Path, sources: Path) -> None:
-    """Copy the workflow and the published data, without what is only left there by a run."""
-    shutil.rmtree(sources, ignore_errors=True)
-    ignored = shutil.ignore_patterns("__pycache__", ".snakemake")
-    for name in (*WORKFLOW, PUBLISHED):
+    """Copy the workflow and what it reads of its repository."""
+    sources.mkdir(exist_ok=True)
+    for name in WORKFLOW:
         origin = repository / name
-        target = sources / name
-        target.parent.mkdir(parents=True, exist_ok=True)
         if origin.is_dir():
-            shutil.copytree(origin, target, ignore=ignored)
-        elif origin.exists():
-            shutil.copy2(origin, target)
+            ignored = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(origin, sources / name, ignore=ignored, dirs_exist_ok=True)
+        else:
+            shutil.copy2(origin, sources)
 
 
-def _list_files(paths: Iterable[Path]) -> list[Path]:
+def _list_files(paths: Iterable[PathLike]) -> list[Path]:
     """Files, and those in folders, in the order of their names."""
     files = set()
-    for path in paths:
+    for path in map(Path, paths):
         files |= set(filter(Path.is_file, [path, *path.rglob("*")]))
     return sorted(files)
 
@@ -144,10 +138,6 @@ def _describe_file(path: Path, name: str) -> dict[str, str]:
 
 def _add_program(crate: Any, provenance: Mapping[str, Any]) -> Any:
     """The library, with the packages it ran with."""
-    local = [provenance["commit"][:12]]
-    if provenance["changed"]:
-        local.append("changed")
-    version = "+".join(filter(None, [provenance["version"], ".".join(filter(None, local))]))
     packages = {"Python": provenance["python"], **provenance["packages"]}
     del packages["ankleloop"]
     return crate.add_jsonld(
@@ -155,7 +145,7 @@ def _add_program(crate: Any, provenance: Mapping[str, Any]) -> Any:
             "@id": "#ankleloop",
             "@type": "SoftwareApplication",
             "name": "ankleloop",
-            "softwareVersion": version,
+            "softwareVersion": describe_version(provenance),
             "operatingSystem": provenance["system"],
             "license": LICENCE,
             "softwareRequirements": [f"{name} {release}" for name, release in packages.items()],

@@ -85,9 +85,9 @@ def _ask_git(root: PathLike, *arguments: str) -> str:
 
 
 def describe_version(provenance: Provenance) -> str:
-    """Version and commit of the program, and whether its files differ from the commit."""
-    version = "+".join(filter(None, [provenance["version"], provenance["commit"]]))
-    return f"{version}, with changes that are not committed" if provenance["changed"] else version
+    """Version and commit of the program, and whether its files differ from the commit, as PEP 440 writes them."""
+    local = [provenance["commit"][:12], "changed" if provenance["changed"] else ""]
+    return "+".join(filter(None, [provenance["version"], ".".join(filter(None, local))]))
 
 
 def collect_results(
