@@ -45,6 +45,12 @@ def in_braces(folder: Path) -> Path:
     return folder / "new.yaml"
 
 
+def claimed(folder: Path) -> Path:
+    """A recording whose results another command is writing."""
+    (folder / "a.csv-results" / ".ankleloop").mkdir(parents=True)
+    return csv_file()(folder)
+
+
 def identified(folder: Path) -> Path:
     """A recording beside results that somebody has made of it."""
     (folder / "a.csv-results").mkdir()
@@ -139,5 +145,12 @@ ROWS = [
         USAGE,
         "Snakemake takes the braces of",
         "a{1}.csv for wildcards: rename it",
+    ),
+    row(
+        "results that another command is writing",
+        claimed,
+        "identify",
+        USAGE,
+        ".ankleloop: another command is writing its results: wait for it",
     ),
 ]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import shutil
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from types import NoneType
@@ -103,18 +104,33 @@ def refuse_results(folder: Path, names: Collection[str]) -> None:
             refuse_existing([folder / other, folder / table])
 
 
+@contextmanager
+def claim_folder(folder: Path) -> Iterator[Path]:
+    """A folder within that of the results, where these are until they are complete: one command at a time has it."""
+    claim = folder / ".ankleloop"
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        claim.mkdir()
+    except FileExistsError:
+        raise click.UsageError(
+            f"{claim}: another command is writing its results: wait for it, or write elsewhere by --output. If none "
+            "runs any more, because it was killed, delete this folder."
+        ) from None
+    try:
+        yield claim
+    finally:
+        shutil.rmtree(claim)
+
+
 def identify_recordings(
     studies: Sequence[RecordedStudy], folder: Path, jobs: int
 ) -> Iterator[pd.DataFrame]:
-    """Analyse the recording of each study, so many side by side; their tables. Their results go into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    # In the same folder, so that what is complete only takes its name there.
-    with tempfile.TemporaryDirectory(prefix=".ankleloop-", dir=folder) as temporary:
-        analyse = partial(_analyse_study, folder=Path(temporary))
-        arguments = [(study.name, study.analysis(0)) for study in studies]
-        for study, table in zip(studies, run_each(analyse, arguments, jobs), strict=True):
-            _replace_results(study, Path(temporary, study.name), folder)
-            yield table
+    """Analyse the recording of each study, so many side by side; their tables. Results go into the folder above."""
+    analyse = partial(_analyse_study, folder=folder)
+    arguments = [(study.name, study.analysis(0)) for study in studies]
+    for study, table in zip(studies, run_each(analyse, arguments, jobs), strict=True):
+        _replace_results(study, folder / study.name, folder.parent)
+        yield table
 
 
 def _analyse_study(study: tuple[str, dict[str, Any]], folder: Path) -> pd.DataFrame:

@@ -84,16 +84,17 @@ def identify(
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
     recordings = _map_recordings(name_recordings(files), names, values)
-    if not overwrite:
-        analysis.refuse_results(folder, recordings)
     several = len(recordings) > 1
     studies = [
         analysis.make_study(name, path, recording, methods, fields)
         for name, (recording, path) in recordings.items()
     ]
     tables = []
-    with nullcontext() if several else show_progress():
-        analysed = analysis.identify_recordings(studies, folder, jobs or os.cpu_count() or 1)
+    progress = nullcontext() if several else show_progress()
+    with analysis.claim_folder(folder) as claim, progress:
+        if not overwrite:
+            analysis.refuse_results(folder, recordings)
+        analysed = analysis.identify_recordings(studies, claim, jobs or os.cpu_count() or 1)
         for (name, (_, path)), table in zip(recordings.items(), analysed, strict=True):
             tables.append(table)
             if several:
@@ -104,7 +105,7 @@ def identify(
             others = {str(file) for file in files if file != path}
             words = [word for word in context.obj if word not in others]
             show_correction(table.attrs["remedy"], words)
-    page = analysis.write_summary(tables, folder) if several else folder / f"{name}.html"
+        page = analysis.write_summary(tables, folder) if several else folder / f"{name}.html"
     show_next(f"open {page}")
     if names is None:
         _suggest_names(files)

@@ -19,7 +19,8 @@ import yaml
 from study_jobs import run_recordings_job
 
 from ankleloop import identify, load_estimate, plan_duration, save_trial, simulate
-from ankleloop.command_line.analysis import make_study
+from ankleloop.command_line import analysis
+from ankleloop.command_line.analysis import identify_recordings, make_study
 from ankleloop.command_line.main import MISTAKE
 from ankleloop.command_line.reading import map_file
 from ankleloop.command_line.terminal import show_progress
@@ -222,6 +223,25 @@ def test_identify_refuses(run, trial, tmp_path):
     )  # the page of the refusal is no result that is kept
     assert result.status == 0, result.err
     assert "take PR-MOESP" in result.out
+
+
+def test_of_two_commands_with_the_same_results_one_is_refused(
+    run, recording, tmp_path, monkeypatch
+):
+    """The second begins while the first is at work: nothing of the first is lost, and nothing is left of a claim."""
+    options = ("--method", "pr-moesp", "--output", tmp_path / "results")
+    second = []
+
+    def identify_twice(studies, folder, jobs):
+        second.append(run("identify", recording, *options, "--overwrite"))
+        return identify_recordings(studies, folder, jobs)
+
+    monkeypatch.setattr(analysis, "identify_recordings", identify_twice)
+    assert run("identify", recording, *options).status == 0
+    assert second[0].status == 2
+    assert "another command is writing its results" in second[0].err
+    assert "S1-pre.html" in contents(tmp_path / "results")
+    assert not (tmp_path / "results" / ".ankleloop").exists()
 
 
 def test_identify_keeps_options_that_a_file_refuses(run, recording, tmp_path):
