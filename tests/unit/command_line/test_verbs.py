@@ -567,8 +567,7 @@ def test_demo(run, tmp_path, monkeypatch):
         row |= {"K": 151.0, "K_low": 148.0, "K_high": 154.0}
         table = pd.DataFrame([row])
         table.attrs["remedy"] = {}
-        folder.mkdir(exist_ok=True)
-        write_csv(table, folder / "demo-csv-parameters.csv", overwrite=True)
+        write_csv(table, folder.parent / "demo-csv-parameters.csv", overwrite=True)
         return [table]
 
     monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or True)
