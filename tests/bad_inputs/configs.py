@@ -217,11 +217,7 @@ ROWS = [
         points(voluntary=LOGARITHMIC),
         "voluntary: a logarithmic scale begins above 0, got",
     ),
-    row(
-        "a Sobol design of 100",
-        study(points=DESIGN),
-        "a Sobol design is a power of two: 64 or 128, got 100",
-    ),
+    row("an unknown design", study(points=DESIGN), "design: must be 'latin-hypercube', got 'sobol'"),
     row("no table of points", points(table="nowhere.csv"), "nowhere.csv: the file cannot be read"),
     row(
         "an unknown column",

@@ -101,24 +101,13 @@ class ValueRange(_Limits):
 class Design(Options):
     """A random design: points that fill the space of several parameters evenly."""
 
-    design: Literal["latin-hypercube", "sobol"] = option(description="kind of the design")
-    count: int = option(
-        description="number of points; a power of two for sobol", ge=1, le=MAX_POINTS
-    )
+    design: Literal["latin-hypercube"] = option(description="kind of the design")
+    count: int = option(description="number of points", ge=1, le=MAX_POINTS)
     seed: int = option(description="seed of the design", ge=0)
     parameters: Values = Field(
         description="limits (start, stop, scale) of each parameter, or the list of its values",
         min_length=1,
     )
-
-    @model_validator(mode="after")
-    def _check_count(self) -> Self:
-        power = 1 << self.count.bit_length() - 1
-        if self.design == "sobol" and self.count != power:
-            raise ValueError(
-                f"the count of a Sobol design is a power of two: {power} or {2 * power}, got {self.count}"
-            )
-        return self
 
 
 class PointTable(Options):
@@ -291,8 +280,8 @@ def _draw_points(design: Design, parameters: Parameters, place: Place) -> list[C
     """Points of a random design."""
     from scipy.stats import qmc
 
-    sampler = qmc.Sobol if design.design == "sobol" else qmc.LatinHypercube
-    shares = sampler(len(parameters), rng=design.seed).random(design.count)
+    sampler = qmc.LatinHypercube(len(parameters), rng=design.seed)
+    shares = sampler.random(design.count)
     columns = [
         _draw_values(parameters[name], values, (*place, name), column)
         for (name, values), column in zip(design.parameters.items(), shares.T.tolist(), strict=True)

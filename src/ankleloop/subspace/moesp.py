@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
-from ankleloop.options import check_memory, show_fields, show_value
+from ankleloop.options import check_memory, show_fields
 from ankleloop.subspace.input_matrices import InputMatrices, OutputRegression, simulate_response
 from ankleloop.subspace.matrices import Matrices
 from ankleloop.subspace.projection import (
@@ -200,8 +200,7 @@ def moesp(
     )
     records = Records(u, y, reference, predicted_inputs, all_options)
     m, p, _ = records.sizes
-    _check_names(all_options, m, p)
-    rows = select_rows(all_options, records.sizes, open_loop=records.open_loop)
+    rows = select_rows(all_options, records.sizes)
     outcome, compression = _project(records, rows, all_options)
     largest = (all_options.block_rows - 1) // 2
     chosen_order = all_options.order or choose_order(outcome.singular_values, largest)
@@ -239,7 +238,6 @@ def moesp(
         C=output_scale[:, None] * realisation.C,
         D=output_scale[:, None] * fit.D / input_scale,
         dt=all_options.dt,
-        names=all_options.names,
     )
     chosen = slice(None) if len(records.lengths) > 1 else 0
     offsets = records.means[:, outputs] + output_scale * fit.offsets
@@ -251,14 +249,6 @@ def moesp(
         offsets=offsets[chosen],
         diagnostics=diagnostics,
     )
-
-
-def _check_names(options: SubspaceOptions, inputs: int, outputs: int) -> None:
-    """Refuse names that are not one for each channel."""
-    if options.names and tuple(map(len, options.names)) != (inputs, outputs):
-        raise ValueError(
-            f"names must be {inputs} names of inputs and {outputs} of outputs, got {show_value(options.names)}."
-        )
 
 
 def _project(

@@ -90,9 +90,6 @@ class SubspaceOptions(Options):
         True,
         "replace an unstable A by a stable one; without it an unstable plant in a stable loop is kept as it is",
     )
-    names: tuple[Sequence[str], Sequence[str]] | None = option(
-        None, "names of the inputs and of the outputs of the model", strict=False
-    )
 
     @model_validator(mode="after")
     def _check_rows(self) -> Self:
@@ -115,16 +112,13 @@ class HankelRows(NamedTuple):
     lags: np.ndarray  # block rows that each channel reaches over
 
 
-def select_rows(
-    options: SubspaceOptions, sizes: tuple[int, int, int], *, open_loop: bool
-) -> HankelRows:
+def select_rows(options: SubspaceOptions, sizes: tuple[int, int, int]) -> HankelRows:
     """The rows of records that hold inputs, outputs and, possibly, a reference side by side.
 
-    The instruments consist of some channels, of so many block rows before the future and within it. In open loop the
-    reference is the inputs.
+    The instruments consist of some channels, of so many block rows before the future and within it.
     """
     inputs, outputs, references = sizes
-    signals = INSTRUMENT_SIGNALS["past-input" if open_loop else options.instruments]
+    signals = INSTRUMENT_SIGNALS[options.instruments]
     if "reference" in signals and not references:
         raise DataError(
             "past-reference instruments need a reference: pass the external command of the loop."
@@ -197,10 +191,7 @@ class Records:
         references = []
         if reference is not None:
             references = list_records(reference, "reference", self.merged, self.lengths)
-        serves = bool(references) and options.instruments == "past-reference"
-        # In open loop the reference is the inputs, and is not in the records a second time.
-        self.open_loop = serves and all(map(np.array_equal, references, inputs))
-        if serves and not self.open_loop:
+        if references and options.instruments == "past-reference":
             signals.append(references)
         m, p, *others = (channels[0].shape[1] for channels in signals)
         self.sizes = (m, p, sum(others))
