@@ -217,7 +217,9 @@ ROWS = [
         points(voluntary=LOGARITHMIC),
         "voluntary: a logarithmic scale begins above 0, got",
     ),
-    row("an unknown design", study(points=DESIGN), "design: must be 'latin-hypercube', got 'sobol'"),
+    row(
+        "an unknown design", study(points=DESIGN), "design: must be 'latin-hypercube', got 'sobol'"
+    ),
     row("no table of points", points(table="nowhere.csv"), "nowhere.csv: the file cannot be read"),
     row(
         "an unknown column",

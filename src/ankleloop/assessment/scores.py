@@ -314,52 +314,37 @@ def _score(truth: np.ndarray, curve: np.ndarray, *band: np.ndarray) -> dict[str,
 def _mean_rise(truth: xr.DataArray, curve: np.ndarray, settings: Mapping[str, object]) -> float:
     """Mean time from 10 to 90 % of the steps of a square wave [s]; nan where there is none, or the curve misses one."""
     (dimension,) = truth.dims
+    if settings.get("variation_shape") != "square" or dimension == "schedule":
+        return np.nan
     values = truth.values
-    coordinate = truth[dimension].values
-    limit = JUMP_SHARE * float(np.ptp(values))
-    if settings.get("variation_shape") != "square" or dimension == "schedule" or limit == 0:
-        return np.nan
-    if dimension == "phase":  # the cycle is cut far from the steps; its last place is the first one
-        coordinate = coordinate * float(str(settings["cycle_duration"]))
-        shift = _far_from_steps(values[:-1], limit)
-        values = np.roll(values[:-1], -shift)
-        curve = np.roll(curve[:-1], -shift)
-    jumps = np.flatnonzero(np.abs(np.diff(values)) > limit)
-    if jumps.size == 0:
-        return np.nan
-    middles = (jumps[1:] + jumps[:-1]) // 2 + 1
+    interval = float(truth[dimension][1] - truth[dimension][0])
+    if dimension == "phase":  # the last place of a cycle is the first one
+        values = values[:-1]
+        curve = curve[:-1]
+        interval *= float(str(settings["cycle_duration"]))
+    steps = np.roll(values, -1) - values
+    quarter = values.size // 4  # half of the distance of two steps
     rises = []
-    for jump, start, stop in zip(jumps, [0, *middles], [*middles, values.size], strict=True):
-        step = values[jump + 1] - values[jump]
-        share = (curve[start:stop] - values[jump]) / step
-        rises.append(_rise(coordinate[start:stop], share, jump - start))
-    return float(np.mean(rises))
+    for jump in np.flatnonzero(np.abs(steps) > JUMP_SHARE * np.ptp(values)):
+        around = np.roll(curve, quarter - jump)[: 2 * quarter]
+        rises.append(interval * _rise((around - values[jump]) / steps[jump]))
+    return float(np.mean(rises)) if rises else np.nan
 
 
-def _far_from_steps(cycle: np.ndarray, limit: float) -> int:
-    """Place of a cycle in the middle between its first step and the next one."""
-    steps = np.flatnonzero(np.abs(np.roll(cycle, -1) - cycle) > limit)
-    distances = np.diff(steps, append=steps[0] + cycle.size)
-    return int(steps[0] + 1 + distances[0] // 2)
-
-
-def _rise(coordinate: np.ndarray, share: np.ndarray, jump: int) -> float:
+def _rise(share: np.ndarray) -> float:
     """Distance between the places at which a step from 0 to 1 passes 10 % for the last and 90 % for the first time."""
     low, high = RISE_LEVELS
     middles = np.flatnonzero(np.diff(share >= 0.5))
     if middles.size == 0 or not np.isfinite(share).all():
         return np.nan
-    middle = middles[np.argmin(np.abs(middles - jump))]
+    middle = middles[np.argmin(np.abs(middles - share.size // 2))]
     below = np.flatnonzero(share[: middle + 1] <= low)
     above = np.flatnonzero(share[middle + 1 :] >= high)
     if below.size == 0 or above.size == 0:
         return np.nan
-    start = _crossing(coordinate, share, below[-1], low)
-    stop = _crossing(coordinate, share, above[0] + middle, high)
-    return stop - start
+    return _crossing(share, above[0] + middle, high) - _crossing(share, below[-1], low)
 
 
-def _crossing(coordinate: np.ndarray, share: np.ndarray, place: int, level: float) -> float:
+def _crossing(share: np.ndarray, place: int, level: float) -> float:
     """Where the line from a place to the next one passes a level."""
-    ends = slice(place, place + 2)
-    return float(np.interp(level, share[ends], coordinate[ends]))
+    return float(np.interp(level, share[place : place + 2], [place, place + 1]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from types import NoneType
 from typing import Any, get_args
 
@@ -12,10 +11,9 @@ import numpy as np
 import pandas as pd
 from IPython.display import display
 
-from ankleloop.assessment.bootstrap import block_bootstrap
 from ankleloop.errors import NUMERICAL_ERRORS
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.prepared import PreparedTrial, prepare
+from ankleloop.joint.prepared import prepare
 from ankleloop.methods.moesp import MoespOptions
 from ankleloop.methods.registry import METHODS, identify
 from ankleloop.options import Options, union_members
@@ -26,8 +24,6 @@ from ankleloop.simulation.simulate import simulate
 
 SEED = 1
 DURATION = 20.0  # s of a record
-REPETITIONS = 40  # of the bootstrap: the fewest that an interval of 95 % takes
-BLOCK = 1.5  # s of its blocks
 START = {"A": "pr-moesp", "B": "riv"}  # methods at the start
 
 # Lowest and highest value of a slider, and its step; on a logarithmic scale that of the logarithm to base 10.
@@ -74,9 +70,6 @@ def make_controls() -> dict[str, widgets.Widget]:
     controls = {
         name: make_widget(SimulationSettings, name, limits) for name, limits in SLIDERS.items()
     }
-    controls["bootstrap"] = widgets.Checkbox(
-        description="intervals by bootstrap (slower)", value=False, **LOOK
-    )
     for letter, method in START.items():
         methods = widgets.Dropdown(
             description=f"method {letter}", options=list(METHODS), value=method, **LOOK
@@ -116,11 +109,11 @@ def _list_choices(model: type[Options], name: str) -> list[tuple[str, str | None
     return own + [(value, value) for member in members for value in get_args(member)]
 
 
-def show_experiment(*, bootstrap: bool, **values: Any) -> None:
+def show_experiment(**values: Any) -> None:
     """Simulate, identify and show; what cannot be simulated or identified is a sentence."""
     settings = {name: values[name] for name in SLIDERS}
     try:
-        trial = simulate_trial(**settings)
+        trial = prepare(simulate(seed=SEED, duration=DURATION, **settings))
     except NUMERICAL_ERRORS as error:
         print(error)
         return
@@ -134,11 +127,6 @@ def show_experiment(*, bootstrap: bool, **values: Any) -> None:
         try:
             estimate = identify(trial, method, **options)
             estimates[label] = estimate
-            if bootstrap and not estimate.intervals:
-                sample = block_bootstrap(
-                    trial, method, repetitions=REPETITIONS, block=BLOCK, **options
-                )
-                estimate.intervals.update(sample.intervals())
             remarks += [f"{label}: {text}" for text in estimate.diagnostics["warnings"]]
         except NUMERICAL_ERRORS as error:
             remarks.append(f"{label}: {error}")
@@ -146,12 +134,6 @@ def show_experiment(*, bootstrap: bool, **values: Any) -> None:
         display(torque_figure(trial, estimates, start=0.5 * DURATION))
     display(tabulate_parameters(settings, estimates))
     print("\n".join(remarks))
-
-
-@lru_cache(maxsize=1)
-def simulate_trial(**settings: Any) -> PreparedTrial:
-    """The trial; it is simulated again only where its settings have changed."""
-    return prepare(simulate(seed=SEED, duration=DURATION, **settings))
 
 
 def tabulate_parameters(

@@ -130,19 +130,7 @@ def _continuous_model(
     """The equations of motion, with the anti-aliasing filters behind what is recorded."""
     model = _equations_of_motion(settings, stiffness, viscosity)
     cutoff = settings.antialias_cutoff
-    if cutoff is None:
-        return model
-    if _varying_range(settings)[:, 1].any():
-        return _filter_outputs(model, cutoff)
-    # The filter commutes with differentiation: its states give the filtered P, Ṗ and P̈, hence the intrinsic torque. It
-    # does not commute with a stiffness that varies.
-    others = [0, 2]
-    filtered = _filter_outputs(model._replace(C=model.C[others], D=model.D[others]), cutoff)
-    motion = slice(len(model.A), len(model.A) + 3)
-    intrinsic = np.zeros(len(filtered.A))
-    intrinsic[motion] = stiffness, viscosity, settings.inertia
-    C = np.insert(filtered.C, 1, intrinsic, axis=0)
-    return filtered._replace(C=C, D=np.zeros_like(model.D))
+    return model if cutoff is None else _filter_outputs(model, cutoff)
 
 
 def _filter_outputs(model: _ContinuousModel, cutoff: float) -> _ContinuousModel:

@@ -6,10 +6,9 @@ from scipy import signal as sps
 from scipy import stats
 
 from ankleloop import DataError, identify, simulate
-from ankleloop.assessment.residuals import _independent_lags, _whiten, residual_test
+from ankleloop.assessment.residuals import residual_test
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.decimation import decimate
-from ankleloop.signals.spectra import Band
 
 
 def draw_residual(rng, samples):
@@ -46,26 +45,6 @@ def test_frequency_of_false_alarms(null_tests, name):
 def test_the_limit_holds_99_percent_of_the_correlations(null_tests):
     beyond = np.mean([np.mean(np.abs(test.correlation) > test.limit) for test in null_tests])
     assert beyond == pytest.approx(0.01, abs=0.002)
-
-
-def test_the_share_that_lags_explain_is_that_of_least_squares(movements):
-    """Its p-value follows from an ordinary regression in real numbers."""
-    rng = np.random.default_rng(6)
-    e = draw_residual(rng, 2000)
-    band = Band(2000, 100.0, 0.05, 38.0)
-    R, S = (_whiten(band, x) for x in (e, movements[0]))
-    shifted = [S * np.exp(-2j * np.pi * band.frequency * lag) for lag in _independent_lags(band)]
-    X = np.column_stack([np.concatenate([x.real, x.imag]) for x in shifted])
-    y = np.concatenate([R.real, R.imag])
-    fit = X @ np.linalg.lstsq(X, y, rcond=None)[0]
-    share = fit @ fit / (y @ y)
-    r, n = (
-        X.shape[1],
-        2 * band.frequency.size / band.correlation,
-    )  # n but for the colour that the taper gives the movement
-    assert residual_test(e, movements[0], 100.0).related_p == pytest.approx(
-        stats.beta.sf(share, r / 2, (n - r) / 2), abs=0.05
-    )
 
 
 def test_colour_and_relation_are_detected():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
 
 from ankleloop import DataError, identify, plan_duration, simulate
 
@@ -38,18 +37,6 @@ def test_a_plan_is_a_length_that_can_be_recorded(pilot, width):
     plan = plan_duration(pilot, {"K": width})
     assert plan.seconds == max(10.0, np.ceil(plan.needed["K"]))
     assert 10.0 <= plan.interval[0] <= plan.seconds <= plan.interval[1]
-
-
-def test_the_interval_of_a_plan_is_normal_in_the_logarithm_of_the_time(pilot):
-    """Of a pilot its spread is that of the pilot; of settings, that of a record of the planned length."""
-    used = pilot.torque.sizes["time"] / 100.0
-    plan = plan_duration(pilot, {"K": 0.005})
-    from_settings = plan_duration(JOINT, {"K": 0.005})
-    for made, length in ((plan, used), (from_settings, from_settings.seconds - 0.66)):
-        centre = np.log(made.needed["K"] - 0.66)
-        expected = stats.norm.ppf([0.025, 0.975], loc=centre, scale=0.7 / np.sqrt(length))
-        found = np.log(np.array(made.interval) - 0.66)
-        np.testing.assert_allclose(found, expected, atol=2e-3)  # whole seconds of a thousand
 
 
 def test_plans_of_many_pilots_scatter_as_their_intervals_say():

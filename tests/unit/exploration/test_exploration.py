@@ -55,17 +55,6 @@ def test_it_shows_what_the_library_computes(show):
     assert all(f"B: riv: {warning}" in text for warning in estimate.diagnostics["warnings"])
 
 
-def test_intervals_of_a_method_that_gives_none_are_those_of_the_bootstrap(show):
-    (_, table), _ = show()
-    assert "…" not in table.loc["K [N·m/rad]", "A: pr-moesp"]
-    (_, table), _ = show(bootstrap=True)
-    trial = ankleloop.simulate(seed=1, duration=20.0)
-    low, high = ankleloop.block_bootstrap(trial, "pr-moesp", repetitions=40, block=1.5).intervals()[
-        "K"
-    ]
-    assert table.loc["K [N·m/rad]", "A: pr-moesp"].endswith(f"({low:.3g} … {high:.3g})")
-
-
 def test_what_cannot_be_simulated_or_identified_is_a_sentence(show):
     shown, text = show(A__order=4, B__order=4)  # riv has two or three poles
     assert "B: riv: method 'riv': order must be one of 2 or 3" in text

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal as sps
 from scipy.integrate import solve_ivp
 
-from ankleloop import UnstableLoopError, simulate
+from ankleloop import UnstableLoopError
 from ankleloop.simulation.loop import run_loop
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
@@ -173,52 +173,13 @@ def test_a_loop_that_diverges_stops():
         run(settings, command, noise, np.zeros(400))
 
 
-def test_a_whole_trial_against_an_adaptive_solver():
-    """Command and noise come from the signals of the trial: they are the ones that drove the loop."""
-    settings = SimulationSettings(duration=1.0, settling=0.0, voluntary=0.0)
-    trial = simulate(seed=11, **dict(settings))
-    command = np.repeat(0.02 * np.sign(trial["reference"].values[50::100]), 100)
-    levels = trial["torque_noise"].values[
-        10::10
-    ]  # at the end of each hold: the recorder has settled to 1e-5
-    noise = np.repeat(np.append(levels, 0.0), 10)  # the last hold has no end
-    expected = AdaptiveSolution(settings, command, noise, np.zeros(noise.size)).run()[:, :-10]
-    expected = np.vstack([expected, expected[1] + expected[2] + trial["torque_noise"].values[:-10]])
-    names = ("position", "torque_intrinsic", "torque_reflex", "torque")
-    record = np.array([trial[name].values[:-10] for name in names])
-    error = np.max(np.abs(record - expected), axis=1) / np.max(np.abs(expected), axis=1)
-    assert np.all(error < 1e-4), dict(zip(names, error, strict=True))
-
-
-def respond_to_steps_and_ramps(numerator, denominator, time):
-    """Responses of a transfer function by partial fractions; at time zero they are those after the step."""
-    # A pole at 0 makes the step response, the integral of which is the ramp response.
-    residues, poles, _ = sps.residue(numerator, np.polymul(denominator, [1.0, 0.0]))
-    step = (residues[:, None] * np.exp(poles[:, None] * time)).sum(axis=0).real
-    at_zero = np.abs(poles) <= 1e-6
-    ramp = residues[at_zero].real.sum() * time
-    residues, poles = residues[~at_zero, None], poles[~at_zero, None]
-    return step, ramp + (residues / poles * np.expm1(poles * time)).sum(axis=0).real
-
-
 @pytest.mark.parametrize("closed_loop", [True, False])
-@pytest.mark.parametrize(("cutoff", "accuracy"), [(200.0, 1e-7), (None, 1e-8)])
-def test_the_loop_without_reflex_has_its_transfer_functions(closed_loop, cutoff, accuracy):
-    """P = servo / (1 + H_imp · joint) · r − H_imp / (1 + H_imp · joint) times noise and voluntary torque."""
-    settings = SimulationSettings(reflex_gain=0.0, closed_loop=closed_loop, antialias_cutoff=cutoff)
-    command, noise, ramp = external_signals(2.0, noise=2.0, ramp=3.0)
-    time = np.arange(noise.size) / RATE
-    w = 2 * np.pi * 20.0
-    servo, joint, load = [1.0, 1.6 * w, w**2], [0.015, 0.8, 150.0], [1.1, 7.1, 250.0]
-    b, a = sps.bessel(4, 2 * np.pi * cutoff, analog=True, norm="mag") if cutoff else ([1.0], [1.0])
-    for channel, factor in ((0, b), (1, np.polymul(b, joint))):
-        numerator, denominator, expected = w**2 * np.array(factor), np.polymul(servo, a), 0.0
-        if closed_loop:
-            total = np.polyadd(load, joint)
-            numerator, denominator = np.polymul(numerator, load), np.polymul(denominator, total)
-            step, slope = respond_to_steps_and_ramps(-np.array(factor), np.polymul(total, a), time)
-            expected = np.convolve(np.diff(noise, prepend=0.0), step)[: time.size] + 3.0 * slope
-        step, _ = respond_to_steps_and_ramps(numerator, denominator, time)
-        expected = expected + np.convolve(np.diff(command, prepend=0.0), step)[: time.size]
-        record = run(settings, command, noise, ramp)[channel]
-        np.testing.assert_allclose(record, expected, rtol=0, atol=accuracy * np.abs(expected).max())
+def test_without_a_filter_signals_are_those_behind_a_very_fast_one(closed_loop):
+    external = external_signals(1.0, noise=2.0, ramp=3.0)
+    records = [
+        run(SimulationSettings(antialias_cutoff=cutoff, closed_loop=closed_loop), *external)
+        for cutoff in (None, 20_000.0)
+    ]
+    inside = slice(5, None, 100)  # behind the switches of command and noise
+    for bare, filtered in zip(*records, strict=True):
+        np.testing.assert_allclose(bare[inside], filtered[inside], atol=1e-3 * np.ptp(bare))

@@ -5,7 +5,6 @@ import pytest
 from test_loop import AdaptiveSolution, append_net, external_signals, run
 
 from ankleloop import DataError, simulate
-from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
 
@@ -90,35 +89,6 @@ def refine(factor, command, noise, voluntary):
     places = np.arange(factor * voluntary.size) / factor
     line = np.interp(places, np.arange(voluntary.size), voluntary)
     return np.repeat(command, factor), np.repeat(noise, factor), line
-
-
-def test_the_true_trajectories_are_those_of_the_torque():
-    """Where K and B are largest and smallest, they are those of the intrinsic torque over all cycles."""
-    settings = {
-        "stiffness_variation": 0.4,
-        "viscosity_variation": 0.3,
-        "viscosity_peak": 0.5,
-        "reflex_gain": 0.0,
-    }
-    trial = prepare(
-        simulate(seed=3, duration=40.0, variation="cycle", cycle_duration=2.0, **settings, **QUIET)
-    )
-    grid = trial.grid(100.0, 0.04)
-    motion = np.array(trial.motion(grid))
-    torque, phase = (
-        trial.channel("torque_intrinsic", grid),
-        trial.samples["phase"][grid.first :: grid.factor],
-    )
-    phase = phase[: grid.samples]
-    for place, sign in ((0.5, 1.0), (0.0, -1.0)):
-        rows = np.abs(trial.channel("stiffness_true", grid) - 150.0 * (1 + 0.4 * sign)) < 0.05
-        assert np.all(np.abs((phase[rows] - place + 0.5) % 1.0 - 0.5) < 0.02)
-        stiffness, viscosity, inertia = np.linalg.lstsq(
-            motion[:, rows].T, torque[rows], rcond=None
-        )[0]
-        assert stiffness == pytest.approx(150.0 * (1 + 0.4 * sign), rel=0.005)
-        assert viscosity == pytest.approx(0.8 * (1 + 0.3 * sign), rel=0.05)
-        assert inertia == pytest.approx(0.015, rel=0.02)
 
 
 def test_durations_of_cycles():

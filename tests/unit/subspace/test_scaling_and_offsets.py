@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ankleloop.signals.vaf import vaf
-from ankleloop.subspace.input_matrices import OutputRegression, simulate_response
+from ankleloop.subspace.input_matrices import simulate_response
 from ankleloop.subspace.moesp import moesp
 
 A, B = np.array([[0.8, 0.3], [-0.3, 0.7]]), np.array([[1.0, 0.5], [0.2, -1.0]])
@@ -57,28 +57,6 @@ def test_without_offsets_the_data_must_have_none(u, instruments):
     shifted = simulate(u, offset=5.0)
     assert pole_error(moesp(u, shifted, 6, 2, instruments)) < 1e-8
     assert np.abs(gain(moesp(u, shifted, 6, 2, instruments, offsets=False)) - GAIN).max() > 0.1
-
-
-def test_the_regression_without_offsets_has_no_column_for_them(u):
-    """Against least squares on responses that are simulated one by one."""
-    y = simulate(u) + 0.1 * np.random.default_rng(2).standard_normal((len(u), 1)) + 2.0
-
-    def respond(B, D, x, u):
-        out = np.empty(len(u))
-        for t, sample in enumerate(u):
-            out[t] = (C @ x + D @ sample).item()
-            x = A @ x + B @ sample
-        return out
-
-    units = [np.eye(8)[k] for k in range(8)]
-    phi = np.column_stack(
-        [respond(e[:4].reshape(2, 2), e[4:6].reshape(1, 2), e[6:], u) for e in units]
-    )
-    theta = np.linalg.lstsq(phi, y[:, 0], rcond=None)[0]
-    fit = OutputRegression(A, C, 2, None, 1, offsets=False).solve([np.hstack([u, y])], None, 1e-10)
-    np.testing.assert_allclose(fit.B.ravel(), theta[:4], rtol=1e-9)
-    np.testing.assert_allclose(fit.D.ravel(), theta[4:6], rtol=1e-9)
-    np.testing.assert_allclose(fit.initial_state[0], theta[6:], rtol=1e-9)
 
 
 @pytest.mark.parametrize("scaling", [True, False])
