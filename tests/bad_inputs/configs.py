@@ -218,7 +218,7 @@ ROWS = [
         "voluntary: a logarithmic scale begins above 0, got",
     ),
     row(
-        "an unknown design", study(points=DESIGN), "design: must be 'latin-hypercube', got 'sobol'"
+        "an unknown design", study(points=DESIGN), "design: must be 'latin-hypercube'; got 'sobol'"
     ),
     row("no table of points", points(table="nowhere.csv"), "nowhere.csv: the file cannot be read"),
     row(

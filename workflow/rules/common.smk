@@ -115,6 +115,13 @@ def published_of(wildcards):
     return list(map(published_file, notebook_of(wildcards).published))
 
 
+def ledger_of(wildcards):
+    """The ledger, and the texts that rest on it, where the run makes it and the notebook of a study reads it."""
+    is_read = ARTICLE and "ledger" in notebook_of(wildcards).reads
+    files = map(repository_file, ("data/conclusions.yaml", "data/findings.csv"))
+    return ["results/verification.csv", *files] if is_read else []
+
+
 def notebook_file(wildcards):
     return f"notebooks/{study_of(wildcards).settings.notebook}.ipynb"
 

@@ -6,6 +6,7 @@ rule report:
         tables=tables_of,
         notebook=lambda wildcards: repository_file(notebook_file(wildcards)),
         published=published_of,
+        ledger=ledger_of,
         settings=lambda w: settings_file(study_of(w), "report", study_of(w).describe()),
     output:
         page=of_report("results/reports/{study}.html", "page"),

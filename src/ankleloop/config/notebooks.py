@@ -23,7 +23,6 @@ Need = Literal[
     "estimates",
     "a setting",
     "one setting",
-    "two settings",
     "one abscissa",
     "settings",
     "numbers",
@@ -33,7 +32,7 @@ Need = Literal[
     "riv",
     "cascade",
     "cascades",
-    "stop rule",
+    "table 1",
     "delay",
     "select",
     "variation",
@@ -74,7 +73,7 @@ class Notebook(Options):
     conditional: dict[str, ConditionalFigure] = option(
         {}, "figures that are drawn where a study has what they show"
     )
-    reads: list[Literal["trials", "estimates", "points"]] = option(
+    reads: list[Literal["trials", "estimates", "points", "ledger"]] = option(
         [], "what it reads beside the table of all trials"
     )
     published: list[str] = option([], "tables of papers that it reads, in data/published")
@@ -165,7 +164,6 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             len(varied) == 1,
             f"one setting that differs between the points, got {names}",
         ),
-        "two settings": (len(varied) > 1, f"two settings or more that differ, got {names}"),
         "settings": (
             not options,
             f"points that differ in settings of the simulation alone, got {', '.join(options)}",
@@ -199,9 +197,9 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             len(passes) == len(methods),
             f"methods parallel-cascade alone, got {listed}",
         ),
-        "stop rule": (
-            any(name.startswith("parallel-cascade") for name in methods),
-            "a method whose name begins with parallel-cascade, for its stop rule",
+        "table 1": (
+            {"pr-moesp", "eiv-moesp", "parallel-cascade"} <= set(methods),
+            "methods with the names pr-moesp, eiv-moesp and parallel-cascade",
         ),
         "delay": (
             searches_delay,

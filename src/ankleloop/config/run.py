@@ -122,9 +122,8 @@ def report_parameters(
     parameters = {
         **study.describe(),
         "figures": list(list_figures(study, notebook)),  # that it may draw
-        # A file of trials and one of estimates for each chunk of points; one table of all trials, or of recordings one
-        # for each chunk.
-        **{kind: list(files.get(kind, ())) for kind in ("trials", "estimates")},
+        # A file of trials and one of estimates for each chunk of points; the ledger with its conclusions and findings.
+        **{kind: list(files.get(kind, ())) for kind in ("trials", "estimates", "ledger")},
         **places,
     }
     if "points" not in notebook.reads:

@@ -18,7 +18,6 @@ from scipy import stats
 
 from ankleloop.paper import judgement
 from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity, Range, judge
-from ankleloop.quantities import QUANTITIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.captions import label_setting
 from ankleloop.tables.comparisons import format_number
@@ -31,6 +30,7 @@ VAF_COLUMNS = {
 }
 CASCADE_ONCE = "parallel-cascade-one-pass"
 CASCADE_CONVERGED = "parallel-cascade"
+DRAWN = "assumptions"  # study of settings that are drawn at random
 REPLICATES = 2000  # of the bootstrap
 MOST_RESULTS = 8  # of comparisons that a reason lists; of more it has the decisive one
 NEARLY_ALL = 90.0  # % VAF: from here on what is left unexplained tells more than the VAF
@@ -91,6 +91,12 @@ class Case:
         text = self.claim.settings
         return yaml.safe_load(f"{{{text}}}") if isinstance(text, str) else {}
 
+    @property
+    def comparisons(self) -> dict[str, dict[str, Any]]:
+        """What means over trials are compared with, by its label; see `check_means`."""
+        text = self.claim.comparisons
+        return yaml.safe_load(text) if isinstance(text, str) else {}
+
     def study(self, name: str) -> StudyResults:
         """Results of a study."""
         if name not in self.studies:
@@ -148,6 +154,11 @@ class Case:
         """What is less by the tolerance or more."""
         return -np.inf, -self.claim.tolerance
 
+    def find_accepted(self, listed: Mapping[str, Any]) -> Range:
+        """Differences that a comparison accepts: a range, or the name of one of those above."""
+        accepted = listed["accept"]
+        return getattr(self, accepted) if isinstance(accepted, str) else accepted
+
     def compare(
         self,
         what: str,
@@ -201,24 +212,11 @@ def _describe(comparison: Comparison) -> str:
     return f"{text} ({(100.0 - ours) / (100.0 - paper):.2g} times the unexplained variance of the paper)"
 
 
-def check_mean(case: Case, study: str, quantity: str, method: str) -> Row:
-    """A number of the paper is the mean over trials at the settings of the claim."""
-    mean = case.mean(study, quantity, method)
-    column = VAF_COLUMNS.get(quantity, quantity)
-    shown = QUANTITIES[column]
-    words = "VAF" if column.startswith("vaf_") else shown.symbol
-    remark = ""
-    if np.isnan(case.claim.tolerance):
-        remark = "the recording is not public, and this is a simulated stand-in"
-    comparison = Comparison("", mean, case.within, case.claim.paper)
-    return case.compare(f"mean {words} [{shown.unit}]", [comparison], remark)
-
-
 def check_means(case: Case, *what: str) -> Row:
     """Means over trials, or differences of two, are within, above or below what the claim lists."""
     comparisons = []
     shown = None
-    for label, listed in yaml.safe_load(case.claim.comparisons).items():
+    for label, listed in case.comparisons.items():
         study, *first = listed["mean"].split()
         own = listed.get("at", {})
         if "less" in listed:
@@ -227,9 +225,7 @@ def check_means(case: Case, *what: str) -> Row:
             ours = case.mean(study, *first, **own)
         if "less_at" in listed:
             ours -= case.mean(study, *first, **listed["less_at"])
-        accepted = listed["accept"]
-        if isinstance(accepted, str):
-            accepted = getattr(case, accepted)
+        accepted = case.find_accepted(listed)
         chosen = {name: listed[name] for name in ("size", "control") if name in listed}
         comparisons.append(Comparison(label, ours, accepted, listed.get("from", 0.0), **chosen))
         if listed.get("shown"):
@@ -328,6 +324,14 @@ def check_economy(case: Case, quantity: str, unit: str) -> Row:
     comparison = Comparison("", ratio, case.above, case.claim.paper)
     remark = f"PR-MOESP {pr:.3g} {unit}, EIV-MOESP {eiv:.3g} {unit}"
     return case.compare("ratio", [comparison], remark)
+
+
+def check_drawn(case: Case, quantity: str, low: str, high: str) -> Row:
+    """What the settings have that are drawn at random, such as the share at which a claim holds, is within a range."""
+    case.study(DRAWN)
+    ours = case.measurement(f"{DRAWN}/{quantity}")
+    comparison = Comparison("", ours, (float(low), float(high)))
+    return case.compare(f"at the settings drawn [{case.claim.unit}]", [comparison])
 
 
 def check_unbiased(case: Case, method: str, variant: str = "") -> Row:

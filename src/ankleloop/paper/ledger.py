@@ -9,7 +9,8 @@ import pandas as pd
 import yaml
 
 from ankleloop.paper import checks, judgement
-from ankleloop.paper.checks import Case, MissingEvidence, Row, StudyResults
+from ankleloop.paper.assumptions import measure_assumptions
+from ankleloop.paper.checks import DRAWN, Case, MissingEvidence, Row, StudyResults
 from ankleloop.tables.comparisons import format_pairs, format_rows
 from ankleloop.trials.files import PathLike
 
@@ -23,7 +24,12 @@ VERDICTS = {
     judgement.BY_CONSTRUCTION: "it follows from a definition; no run can change that",
 }
 PAPER, FINDING = "paper", "finding"  # whose statement a row is: the paper's or ours
+HOLDS = "holds in … % of the settings drawn"  # heading
 SECTIONS = {"table1": "IV, Table 1", "table2": "V, Table 2"}
+MEANS = {
+    "table1": "mean VAF [%]",
+    "table2": "mean VAF of a simulated stand-in, as the recording is not public [%]",
+}
 LEDGER_COLUMNS = (
     "id",
     "section",
@@ -39,6 +45,9 @@ LEDGER_COLUMNS = (
     "difference_low",
     "difference_high",
     "verdict",
+    "holds",
+    "holds_low",
+    "holds_high",
     "reason",
     "conditions",
     "how",
@@ -55,22 +64,28 @@ def verify(
 ) -> pd.DataFrame:
     """Check every number of the published tables, every claim of the paper, and our own findings, by one rule."""
     labels = {name: studies[name].labels if name in studies else {} for name in SECTIONS}
-    rows = [_claim_numbers(name, published[name], labels[name]) for name in SECTIONS]
+    rows = [claim_numbers(name, published[name], labels[name]) for name in SECTIONS]
     rows += [published["claims"].assign(source=PAPER), published["findings"].assign(source=FINDING)]
     claims = pd.concat(rows, ignore_index=True)
+    if DRAWN in studies:
+        drawn = measure_assumptions(claims, studies[DRAWN])
+        measurements = pd.concat([measurements, drawn], ignore_index=True)
     by_quantity = measurements.set_index("quantity")
+    shares = by_quantity.reindex(f"{DRAWN}/" + claims["id"])[["value", "low", "high"]]
+    claims[["holds", "holds_low", "holds_high"]] = shares.to_numpy()
     results = [_check(Case(claim, studies, by_quantity)) for claim in claims.itertuples()]
     return claims.join(pd.DataFrame(results)).reindex(columns=LEDGER_COLUMNS)
 
 
-def _claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
+def claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
     """Numbers of a published table as claims, with the label of the method."""
     method, torque = table["method"], table["torque"]
     label = method.replace(dict(labels))
-    quantity = "vaf_" + torque + "_" + table["against"]
+    mean = f"mean: {name} vaf_" + torque + "_" + table["against"] + " " + method
     return table.assign(
         id=f"{name}/" + method + "/" + torque,
-        check=f"mean {name} " + quantity + " " + method,
+        check=f"means {MEANS[name]}",
+        comparisons="'': {" + mean + ", from: " + table["paper"].astype(str) + ", accept: within}",
         section=SECTIONS[name],
         statement=torque + " torque by " + label,
         method=label,
@@ -112,8 +127,11 @@ def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
         "difference": "{difference:+.3g} ({difference_low:+.3g} … {difference_high:+.3g})",
         "tolerance": "{tolerance:g}",
         "verdict": "{verdict}",
+        HOLDS: "{holds:.0f} ({holds_low:.0f} … {holds_high:.0f})",
         "reason": "{reason}",
     }
+    if ledger["holds"].isna().all():
+        del columns[HOLDS]
     return format_rows(ledger.assign(reason=ledger["reason"] + conditions), columns)
 
 
@@ -134,7 +152,8 @@ def conclude(
 
 
 def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
-    """The sentences that open the article and the index."""
+    """The sentences that open the article and the index, of what the run has results of."""
+    ledger = ledger[ledger["ours"].notna()]
     claims = [claim for claim, conclusion in conclusions.items() if "sentence" in conclusion]
     return [text for claim in claims if (text := conclude(ledger, conclusions, claim, "sentence"))]
 

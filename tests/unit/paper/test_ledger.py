@@ -110,6 +110,7 @@ CASES = {
         (NOT_REPRODUCED, vaf_at("choosing", 55.9, ["pr-moesp"], ["unseen_cross_validation"])),
         (NOT_REPRODUCED, vaf_at("choosing", 56.1, ["pr-moesp"], ["unseen_instrumental"])),
     ],
+    "pr-above-cascade": limits({}, vaf_at("table1", 55.9, ["pr-moesp"], ["intrinsic"])),
     "pr-unbiased": limits(
         {}, error_at("voluntary", -2.01, "pr-moesp", voluntary=0.25, closed_loop=True)
     ),
@@ -210,7 +211,9 @@ STATED = {
     "eq10-constant": BY_CONSTRUCTION,
 }
 STATISTICAL = [claim for claim in IDS if claim not in FACTS]
-OVER_TRIALS = [claim for claim in STATISTICAL if claim not in MEASURED]
+OVER_TRIALS = [
+    claim for claim in STATISTICAL if claim not in MEASURED and not claim.startswith("drawn-")
+]
 
 
 @pytest.mark.parametrize(
