@@ -20,6 +20,7 @@ METHODS = {
         "parallel-cascade-one-pass": {"method": "parallel-cascade", "options": {"max_passes": 1}},
         "parallel-cascade": CASCADE,
     },
+    "table 1": {name: {"method": name} for name in ("pr-moesp", "eiv-moesp", "parallel-cascade")},
     "one pass": {"c": CASCADE | {"options": {"max_passes": 1}}},
     "passes": {"c": CASCADE, "d": {"method": "parallel-cascade", "options": {"max_passes": 2}}},
     "real-time": {"r": REAL_TIME},
@@ -50,7 +51,7 @@ POINTS = {
 VARYING = {"variation": "time", "stiffness_variation": 0.3}
 # Columns that tell the rows of a table apart, beside those of the points.
 KEYS = ["point", "recording", "condition", "gain", "load", "voluntary", "perturbation", "method"]
-KEYS += ["stop_rule", "omitted_step", "torque", "against", "quantity", "parameter"]
+KEYS += ["omitted_step", "torque", "against", "quantity", "parameter"]
 # Likewise for what figures draw.
 PLACES = ["quantity", "panel", "row", "series", "method", "condition", "parameter", "place"]
 PLACES += ["x", "y"]

@@ -8,6 +8,7 @@ ESTIMATES = {"keep": "estimates"}
 STUDIES = [
     ("lengths", "several", {}),
     ("two numbers", "paper", {}),
+    ("two numbers", "table 1", SCORES),
     ("a number", "passes", ESTIMATES),
     ("the loop", "real-time", ESTIMATES),
     ("a number", "selected", SCORES),

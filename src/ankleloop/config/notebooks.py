@@ -198,8 +198,8 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
             f"methods parallel-cascade alone, got {listed}",
         ),
         "table 1": (
-            {"pr-moesp", "eiv-moesp", "parallel-cascade"} <= set(methods),
-            "methods with the names pr-moesp, eiv-moesp and parallel-cascade",
+            set(methods) == {"pr-moesp", "eiv-moesp", "parallel-cascade"},
+            "three methods with the names pr-moesp, eiv-moesp and parallel-cascade",
         ),
         "delay": (
             searches_delay,
