@@ -118,28 +118,12 @@ def _sum_lagged_products(x, columns, lags, window):
     flat = x.ravel()
     sums = np.zeros((channels, window * channels))
     for start in range(0, columns, PRODUCTS_OF_A_SUM):
-        stop = min(start + PRODUCTS_OF_A_SUM, columns)
-        whole = stop - (stop - start) % 4
         part = np.zeros_like(sums)
-        # Four columns at a time, because sums are then loaded and stored a fourth as often.
-        for t in range(start, whole, 4):
-            first = flat[t * channels :]
-            second = first[channels:]
-            third = second[channels:]
-            fourth = third[channels:]
+        for t in range(start, min(start + PRODUCTS_OF_A_SUM, columns)):
+            samples = flat[t * channels :]
             for i in range(channels):
                 for k in range(lags[i] * channels):
-                    part[i, k] += (
-                        first[i] * first[k]
-                        + second[i] * second[k]
-                        + third[i] * third[k]
-                        + fourth[i] * fourth[k]
-                    )
-        for t in range(whole, stop):
-            row = flat[t * channels :]
-            for i in range(channels):
-                for k in range(lags[i] * channels):
-                    part[i, k] += row[i] * row[k]
+                    part[i, k] += samples[i] * samples[k]
         sums += part
     return sums
 
