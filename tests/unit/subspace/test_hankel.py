@@ -6,17 +6,6 @@ from hypothesis import strategies as st
 from ankleloop.subspace.hankel import block_hankel, generate_columns, hankel_gram
 
 
-def build_entry_by_entry(x, first, rows, columns):
-    """Equation 15."""
-    channels = x.shape[1]
-    hankel = np.full((rows * channels, columns), np.nan)
-    for a in range(rows):
-        for b in range(columns):
-            for channel in range(channels):
-                hankel[a * channels + channel, b] = x[first + a + b, channel]
-    return hankel
-
-
 @settings(deadline=None, max_examples=200)
 @given(
     first=st.integers(0, 6),
@@ -30,9 +19,9 @@ def test_equation_15(first, rows, columns, channels, spare, seed):
     # With spare = 0, the last sample of the signal is the lower right corner.
     samples = first + rows + columns - 1 + spare
     x = np.random.default_rng(seed).standard_normal((samples, channels))
-    np.testing.assert_array_equal(
-        block_hankel(x, first, rows, columns), build_entry_by_entry(x, first, rows, columns)
-    )
+    places = first + np.add.outer(np.arange(rows), np.arange(columns))
+    expected = x[places].transpose(0, 2, 1).reshape(rows * channels, columns)
+    np.testing.assert_array_equal(block_hankel(x, first, rows, columns), expected)
 
 
 def multiply_rows(x, rows):
