@@ -79,7 +79,7 @@ def _describe_verdicts(ledger: pd.DataFrame) -> dict[str, object]:
 
 def render_ledger(ledger: pd.DataFrame) -> str:
     """Page of the ledger: each number and claim of the paper with its verdict in its colour."""
-    cells = tabulate_ledger(ledger).filter(LEDGER_COLUMNS)
+    cells = tabulate_ledger(ledger)[LEDGER_COLUMNS]
     table = render_table(cells, colours=VERDICT_COLOURS, name="claims")
     body = render_template("ledger.html.j2", **_describe_verdicts(ledger), table=table)
     return render_page("Ledger", body, index="index.html")

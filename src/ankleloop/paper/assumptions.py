@@ -82,13 +82,12 @@ def measure_assumptions(claims: pd.DataFrame, results: StudyResults) -> pd.DataF
     rows = []
     for claim, held in judge_settings(claims, results).items():
         low, high = stats.binomtest(held.sum(), held.size).proportion_ci(method="wilson")
-        rows.append((claim, 100.0 * held.mean(), 100.0 * low, 100.0 * high))
+        rows.append((f"{DRAWN}/{claim}", 100.0 * held.mean(), 100.0 * low, 100.0 * high))
     halves = results.table.groupby(results.table["trial"] % 2)
     chosen, fresh = (count_numbers(claims, replace(results, table=half)) for _, half in halves)
     nearest = Mean.of(fresh[chosen.nlargest(NEAREST).index])
-    rows.append(("nearest", nearest.value, *nearest.interval()))
-    table = pd.DataFrame(rows, columns=["quantity", "value", "low", "high"])
-    return table.assign(quantity=f"{DRAWN}/" + table["quantity"])
+    rows.append((f"{DRAWN}/nearest", nearest.value, *nearest.interval()))
+    return pd.DataFrame(rows, columns=["quantity", "value", "low", "high"])
 
 
 def count_numbers(claims: pd.DataFrame, results: StudyResults) -> pd.Series:

@@ -130,8 +130,6 @@ def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
         HOLDS: "{holds:.0f} ({holds_low:.0f} … {holds_high:.0f})",
         "reason": "{reason}",
     }
-    if ledger["holds"].isna().all():
-        del columns[HOLDS]
     return format_rows(ledger.assign(reason=ledger["reason"] + conditions), columns)
 
 
