@@ -62,8 +62,6 @@ class Course:
     rows: slice | np.ndarray  # samples that count, or their numbers
     # Shape (rows,): number of the cycle, or of the segment of a record without cycles, of each of them.
     segment: np.ndarray
-    # Shape (rows,): samples since the onset of the cycle; of the segment, without cycles.
-    since: np.ndarray
     trials: tuple[Course, ...] = ()  # courses of the trials, where there are several
 
     @property
@@ -80,6 +78,11 @@ class Course:
     def periodic(self) -> bool:
         """Whether place 1 is place 0 again."""
         return self.dimension == "phase"
+
+    @cached_property
+    def since(self) -> np.ndarray:
+        """Samples since the onset of the cycle, or of the segment, shape (rows,)."""
+        return np.arange(self.segment.size) - np.searchsorted(self.segment, self.segment)
 
     @cached_property
     def segments(self) -> int:
@@ -228,7 +231,6 @@ def _follow_variable(
                 limits=(low, high),
                 rows=samples,
                 segment=segment,
-                since=np.arange(segment.size) - np.searchsorted(segment, segment),
             )
         )
     return courses
@@ -271,7 +273,6 @@ def _merge_courses(courses: Sequence[Course]) -> Course:
         limits=first.limits,
         rows=np.concatenate(rows),
         segment=np.concatenate(segments),
-        since=np.concatenate([course.since for course in courses]),
         trials=tuple(courses),
     )
 
@@ -296,7 +297,6 @@ def _follow_cycles(trial: PreparedTrial, grid: Grid, onsets: np.ndarray) -> Cour
         limits=(0.0, 1.0),
         rows=slice(start, stop),
         segment=cycle,
-        since=np.arange(cycle.size) - np.searchsorted(cycle, cycle),
     )
 
 

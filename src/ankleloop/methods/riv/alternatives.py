@@ -65,10 +65,10 @@ class Alternative:
 
     @property
     def doubtful(self) -> bool:
-        """Whether it moves a parameter by much, or is the delay of no stretch reflex, so that there is a warning."""
+        """Whether it is significant and moves a parameter by much, or is the delay of no stretch reflex: a warning."""
         shortest, longest = QUANTITIES["delay"].plausible
         other_delay = self.effect == "delay" and not shortest < self.size < longest
-        return other_delay or is_large(self.score, self.largest_shift)
+        return self.significant and (other_delay or is_large(self.score, self.largest_shift))
 
 
 def is_large(score: float, shift: float) -> bool:
@@ -154,7 +154,7 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     steps = find_steps(groups, solution, solution.equations)
     together = steps.pop(TOGETHER)
     alternatives = [_free_effect(name, solution, step) for name, step in steps.items()]
-    if any(each.significant and each.doubtful for each in alternatives):
+    if any(each.doubtful for each in alternatives):
         alternatives = _add_further(alternatives)
     elif (
         "direction" in effects
@@ -192,15 +192,15 @@ def _separate_directions(solution: Search) -> Alternative:
 
 def _combine_effects(solution: Search, step: Step) -> Alternative:
     """All effects together, by one step: each may be too small to be seen by itself."""
-    names = np.array(solution.point.names)[solution.free]
-    moved = {name: solution.values[name] + step.move[names == name].item() for name in STIFFNESS}
+    moved = solution.point.parameters.linear[:MOTION] + step.move[:MOTION]
+    stiffness = dict(zip(STIFFNESS, moved.tolist(), strict=True))
     score = normal_score(step.sizes, step.covariance)
-    return Alternative(TOGETHER, step.sizes, score, compute_shifts(solution.values, moved))
+    return Alternative(TOGETHER, step.sizes, score, compute_shifts(solution.values, stiffness))
 
 
 def _add_further(alternatives: list[Alternative]) -> list[Alternative]:
     """The alternatives, the most significant doubtful one with the one that the record shows beside it."""
-    doubtful = [each for each in alternatives if each.significant and each.doubtful]
+    doubtful = [each for each in alternatives if each.doubtful]
     if len(doubtful) < 2:
         return alternatives
     first = max(doubtful, key=lambda alternative: abs(alternative.score))
@@ -208,7 +208,7 @@ def _add_further(alternatives: list[Alternative]) -> list[Alternative]:
     groups = {each.effect: [each.effect] for each in doubtful if each is not first}
     steps = find_steps(groups, first.freed, first.freed.equations)
     beside = [_free_effect(name, first.freed, step) for name, step in steps.items()]
-    beside = [each for each in beside if each.significant and each.doubtful]
+    beside = [each for each in beside if each.doubtful]
     if not beside:
         return alternatives
     further = max(beside, key=lambda alternative: abs(alternative.score))
@@ -235,7 +235,7 @@ def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
         freed = solve(equations, freed.point.parameters)
     return replace(
         alternative,
-        size=sizes if sizes.size > 1 else sizes.item(),
+        size=np.squeeze(sizes),
         shifts=compute_shifts(solution.values, freed.point.values),
         freed=freed,
     )

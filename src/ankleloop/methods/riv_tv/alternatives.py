@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ankleloop.methods.riv.alternatives import Alternative, compute_shifts, normal_score
@@ -30,11 +32,12 @@ def find_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
         instruments = whitener(EFFECTS[name].rows(predicted))
         alternatives.append(_step(name, solution, regressors, instruments))
     if "delay" not in parameters.delays and not parameters.passive:
+        delayed = replace(parameters, delays=("delay",))
         slopes = [
-            whitener(_differentiate_delay(solution, inputs)[None])
+            whitener(delayed.differentiate(inputs.intrinsic, inputs.drive, equations.transform.s))
             for inputs in (equations.measured, equations.predicted)
         ]
-        alternatives.append(_step("delay", solution, *slopes))
+        alternatives.append(_step("delay", solution, slopes[0][-1:], slopes[1][-1:]))
     return alternatives
 
 
@@ -60,8 +63,7 @@ def _step(
     shifts = compute_shifts(
         solution.shown_means, equations.bases.means(linear + step[: linear.size])
     )
-    size = sizes if sizes.size > 1 else sizes.item()
-    return Alternative(name, size, normal_score(sizes, covariance), shifts)
+    return Alternative(name, np.squeeze(sizes), normal_score(sizes, covariance), shifts)
 
 
 def _list_channels(solution: TimeVaryingSolution, inputs: Inputs, torque: np.ndarray) -> Channels:
@@ -86,11 +88,3 @@ def _list_channels(solution: TimeVaryingSolution, inputs: Inputs, torque: np.nda
         transform=equations.spectra,
         signals=transform.signals,
     )
-
-
-def _differentiate_delay(solution: TimeVaryingSolution, inputs: Inputs) -> np.ndarray:
-    """Derivative of the torque with respect to the delay of the reflex, shape (frequencies,)."""
-    equations = solution.equations
-    s = equations.transform.s
-    gain = solution.parameters.linear[equations.bases.blocks["G"]]
-    return -s * solution.parameters.responses(s)[0] * (gain @ inputs.drive)

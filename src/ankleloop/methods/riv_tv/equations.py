@@ -78,8 +78,9 @@ class TimeVaryingEquations:
         )
         torques = [torque - torque.mean() for torque in self._channels("torque")]
         self.torque = self.spectra(np.concatenate(torques))
-        slow = self.smooth_part.part(join_positions(trials, self.grids))
-        motion = measure_motion(trials, self.grids, slow)
+        positions = join_positions(trials, self.grids)
+        slow = self.smooth_part.part(positions)
+        motion = measure_motion(trials, self.grids, positions - slow)
         self.measured = self._make_inputs(motion)
         self.predicted = self.measured
         self.reference = np.zeros(0)  # spectrum; none where the position is the reference
@@ -117,17 +118,13 @@ class TimeVaryingEquations:
 
     def _centre(self, signals: np.ndarray) -> np.ndarray:
         """Signals less the mean of each of several trials; that of a single one is among what changes slowly."""
-        parts = self.course.parts
-        if len(parts) == 1:
+        if not self.course.trials:
             return signals
-        means = np.empty_like(signals)
-        start = 0
-        for part in parts:
-            stop = start + part.place.size
-            trial = signals[..., start:stop]
-            means[..., start:stop] = trial[..., part.rows].mean(axis=-1, keepdims=True)
-            start = stop
-        return signals - means
+        pairs = zip(self.transform.split(signals), self.course.trials, strict=True)
+        centred = [
+            trial - trial[..., part.rows].mean(axis=-1, keepdims=True) for trial, part in pairs
+        ]
+        return np.concatenate(centred, axis=-1)
 
     def _make_inputs(self, motion: Motion) -> Inputs:
         """Inputs that a motion makes."""

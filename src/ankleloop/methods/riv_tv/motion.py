@@ -37,11 +37,11 @@ def join_positions(trials: Sequence[PreparedTrial], grids: Sequence[Grid]) -> np
 
 
 def measure_motion(
-    trials: Sequence[PreparedTrial], grids: Sequence[Grid], slow: np.ndarray
+    trials: Sequence[PreparedTrial], grids: Sequence[Grid], position: np.ndarray
 ) -> Motion:
     """The measured motion of trials.
 
-    Shapes: slow (N,): slow part of the position.
+    Shapes: position (N,): less its slow part.
     """
     pairs = list(zip(trials, grids, strict=True))
     motions = [trial.motion(grid) for trial, grid in pairs]
@@ -52,7 +52,7 @@ def measure_motion(
         return np.concatenate(parts)
 
     return Motion(
-        position=join_positions(trials, grids) - slow,
+        position=position,
         velocity=np.concatenate([motion[1] for motion in motions]),
         acceleration=np.concatenate([motion[2] for motion in motions]),
         rectify=rectify,

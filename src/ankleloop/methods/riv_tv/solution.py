@@ -94,11 +94,6 @@ class TimeVaryingSolution:
         block = self.equations.bases.blocks["G"]
         return abs(normal_score(self.parameters.linear[block], self.covariance[block, block]))
 
-    @property
-    def quantile(self) -> float:
-        """Half of a 95 % interval over its standard error."""
-        return float(special.stdtrit(self.equations.course.segments - 1, 0.975))
-
     @cached_property
     def strength(self) -> float:
         """Smallest canonical correlation of instruments and regressors."""
@@ -125,12 +120,6 @@ class TimeVaryingSolution:
         }
         return means | dict(zip(self.parameters.unknowns, units[bases.size :], strict=True))
 
-    def _deviate(self, name: str, weights: np.ndarray) -> np.ndarray:
-        """Standard deviations of weighted sums of the coefficients of a parameter, shapes (..., splines) and (...)."""
-        block = self.equations.bases.blocks[name]
-        variances = np.sum(weights @ self.covariance[block, block] * weights, axis=-1)
-        return np.sqrt(np.maximum(variances, 0.0))
-
     def find_trajectories(
         self, places: np.ndarray
     ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -143,6 +132,7 @@ class TimeVaryingSolution:
         """
         bases = self.equations.bases
         information = np.diag(self.system.information)
+        quantile = special.stdtrit(self.equations.course.segments - 1, 0.975)
         curves = {}
         excitations = {}
         for name in bases.trajectories:
@@ -155,7 +145,8 @@ class TimeVaryingSolution:
             excitation = weights @ (density / mean)
             curve = weights @ self.parameters.linear[block]
             curve[excitation < IDENTIFIED] = np.nan
-            margin = self.quantile * self._deviate(name, weights) if self.converged else np.nan
+            variances = np.sum(weights @ self.covariance[block, block] * weights, axis=1)
+            margin = quantile * np.sqrt(variances) if self.converged else np.nan
             curves[name] = curve
             curves[f"{name}_low"] = curve - margin
             curves[f"{name}_high"] = curve + margin

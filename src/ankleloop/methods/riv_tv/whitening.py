@@ -51,9 +51,9 @@ class PaddedTransform:
         """Signals of transforms, shape (..., samples)."""
         return irfft(spectra, self.size)[..., self.places]
 
-    def split(self, signal: np.ndarray) -> list[np.ndarray]:
-        """The part of a signal in each record."""
-        return np.split(signal, np.cumsum(self.sizes)[:-1])
+    def split(self, signals: np.ndarray) -> list[np.ndarray]:
+        """The part of signals in each record."""
+        return np.split(signals, np.cumsum(self.sizes)[:-1], axis=-1)
 
 
 # Makes signals of spectra, of the samples that count alone: shape (..., rows).
