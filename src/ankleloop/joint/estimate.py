@@ -60,8 +60,7 @@ class Estimate:
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
         Details of the identification: singular values, order, poles, ranks, passes. "warnings" say what was seen to be
-        wrong; those about the data (see `ankleloop.checks.data.check_data`) are in "data_warnings" as well, and those
-        about the range of a trial that is predicted in "range_warnings".
+        wrong; those about the data (see `ankleloop.checks.data.check_data`) are in "data_warnings" as well.
         "assumptions" say what was taken for granted, "missing" which parameters could not be had, and why, and
         "incomplete" how much of what is left of the torque depends on the movement. "holds" is there where torque that
         is fed back biases the method.
@@ -162,14 +161,8 @@ class Estimate:
         torques = [self.predictor.predict(part, own) for part, own in pairs]
         torque = add_measured(merge_torques(torques), trials)
         warnings = [text for part in trials for text in self.predictor.check_range(part)]
-        range_warnings = list(dict.fromkeys(warnings))
         diagnostics = dict(self.diagnostics)
-        # What an earlier prediction, of which this one is made, says about its trial.
-        earlier = diagnostics.pop("range_warnings", ())
-        of_fit = [text for text in diagnostics.get("warnings", ()) if text not in earlier]
-        diagnostics["warnings"] = [*of_fit, *range_warnings]
-        if range_warnings:
-            diagnostics["range_warnings"] = range_warnings
+        diagnostics["warnings"] = [*self.diagnostics.get("warnings", ()), *dict.fromkeys(warnings)]
         return replace(self, torque=torque, diagnostics=diagnostics)
 
     @property
@@ -324,23 +317,6 @@ class Estimate:
         """
         # By name, as figures: methods stand above estimates.
         return import_module("ankleloop.methods.description").describe_methods(self)
-
-    def __eq__(self, other: object) -> bool:
-        """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""
-        if not isinstance(other, Estimate):
-            return NotImplemented
-        return (
-            self.method == other.method
-            and self.stiffness == other.stiffness
-            and self.reflex == other.reflex
-            and self.intervals == other.intervals
-            and self.torque.identical(other.torque)
-        )
-
-    def __hash__(self) -> int:
-        """Of what equal estimates have alike: method and parameters."""
-        parameters = {**self.stiffness, **self.reflex}
-        return hash((self.method, frozenset(parameters.items())))
 
     def __repr__(self) -> str:
         table = self.summary().to_string(float_format=DIGITS, na_rep="–", index_names=False)

@@ -35,14 +35,6 @@ PARQUET_OPTIONS: Any = {
     "use_dictionary": False,  # no number occurs twice
     "write_page_checksum": True,
 }
-# Columns of a table that hold a group as JSON; `reflex` is the torque.
-GROUP_COLUMNS = {
-    "reflex": "reflex_parameters",
-    "stiffness": "stiffness",
-    "intervals": "intervals",
-    "model": "model",
-    "trajectories": "trajectories",
-}
 
 # Keys of a JSON object that stands for one of these.
 ARRAY_KEY = "$array"
@@ -210,7 +202,7 @@ class EstimateTable:
     """
 
     def __init__(self, precision: str = "double") -> None:
-        texts = ("point", "name", "method", "diagnostics", *GROUP_COLUMNS.values())
+        texts = ("point", "name", "method", "diagnostics", "groups")
         columns = dict.fromkeys(texts, pa.string())
         columns["number"] = pa.int64()
         columns["identification_rate"] = pa.float64()
@@ -222,18 +214,6 @@ class EstimateTable:
 
     def add(self, estimate: Estimate, *, point: str, name: str, number: int) -> None:
         """Add the estimate of a trial, by a name of its method, at a point of a study."""
-        torque = estimate.torque
-        row = {
-            "point": point,
-            "name": name,
-            "number": number,
-            "method": estimate.method,
-            "time": torque["time"].values,
-            "diagnostics": dump_values(estimate.diagnostics),
-            **torque.attrs,
-        }
-        for signal in TORQUES:
-            row[signal] = torque[signal].values.astype(self._precision)
         groups = {group: getattr(estimate, group) for group in PARAMETER_GROUPS}
         if estimate.predictor is not None:
             groups["model"] = dump_model(estimate.predictor)
@@ -242,8 +222,19 @@ class EstimateTable:
                 **estimate.trajectories.variables,
                 **estimate.trajectories.attrs,
             }
-        for group, values in groups.items():
-            row[GROUP_COLUMNS[group]] = dump_values(values)
+        torque = estimate.torque
+        row = {
+            "point": point,
+            "name": name,
+            "number": number,
+            "method": estimate.method,
+            "time": torque["time"].values,
+            "diagnostics": dump_values(estimate.diagnostics),
+            "groups": dump_values(groups),  # parameters, intervals, model and trajectories
+            **torque.attrs,
+        }
+        for signal in TORQUES:
+            row[signal] = torque[signal].values.astype(self._precision)
         self._rows.append(pa.RecordBatch.from_pylist([row], self._schema))
 
     def write(self, path: PathLike, *, overwrite: bool = False) -> None:
@@ -271,10 +262,8 @@ def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int
 
 def _read_row(row: dict[str, Any], source: str) -> Estimate:
     """The estimate of a row of a table."""
-    groups = {"": row, "torque": row, "diagnostics": {DIAGNOSTICS_TEXT: row["diagnostics"]}}
-    for group, column in GROUP_COLUMNS.items():
-        if row[column]:
-            groups[group] = load_values(row[column])
+    diagnostics = {DIAGNOSTICS_TEXT: row["diagnostics"]}
+    groups = {"": row, "torque": row, "diagnostics": diagnostics, **load_values(row["groups"])}
     return _read_estimate({group: Fields(source, values) for group, values in groups.items()})
 
 

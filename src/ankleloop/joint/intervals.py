@@ -8,6 +8,7 @@ from math import exp, inf, isinf, sqrt
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy import special
 
 LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters whose logarithms are normally distributed
@@ -36,10 +37,8 @@ class Uncertainty:
         names = [name for name in values if name in rows]
         scales = [values[name] if name in LOGARITHMIC else 1.0 for name in names]
         slopes = np.array([scale * rows[name] for scale, name in zip(scales, names, strict=True)])
-        table = {}
-        for name, row in zip(names, slopes @ covariance @ slopes.T, strict=True):
-            table[name] = dict(zip(names, row.tolist(), strict=True))
-        return cls(table, float(freedom))
+        table = pd.DataFrame(slopes @ covariance @ slopes.T, names, names)
+        return cls(table.to_dict("index"), float(freedom))
 
     @property
     def standard_errors(self) -> dict[str, float]:

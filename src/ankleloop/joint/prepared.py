@@ -180,13 +180,12 @@ class PreparedTrial:
             omitted_step=omitted_step,
         )
 
-    @once
     def predict_inputs(self, regressors: Regressors) -> np.ndarray:
         """Inputs as they would be without fed-back torque: rebuilt from the position that the reference explains.
 
         Shapes: returns (N, 3 + k), on the samples of the regressors.
         """
-        return _predict_inputs([self], [regressors])[0]
+        return predict_inputs([self], [regressors])[0]
 
 
 def predict_inputs(
@@ -198,15 +197,16 @@ def predict_inputs(
 
     Shapes: returns (N, 3 + k), on the samples of the regressors of each trial.
     """
-    if len(trials) == 1:
-        return [trials[0].predict_inputs(records[0])]
-    return _predict_inputs(trials, records)
+    return _predict_inputs(trials[0], tuple(trials), tuple(records))
 
 
+@once
 def _predict_inputs(
-    trials: Sequence[PreparedTrial], records: Sequence[Regressors]
+    first_trial: PreparedTrial,
+    trials: tuple[PreparedTrial, ...],
+    records: tuple[Regressors, ...],
 ) -> list[np.ndarray]:
-    """The same, computed anew."""
+    """The same; the first trial keeps them."""
     first = records[0]
     name = str(first.reference_name)
     if name == "position":  # an open-loop record: the reference explains all of it
@@ -215,7 +215,7 @@ def _predict_inputs(
         [record.inputs[:, 0] for record in records],
         [trial.samples[name] for trial in trials],
         [record.grid for record in records],
-        trials[0].rate,
+        first_trial.rate,
     )
     inputs = []
     for trial, record, position in zip(trials, records, positions, strict=True):
