@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
@@ -30,12 +31,18 @@ TRIAL_ADVICE = "look at its channels, and leave it out if it is of another condi
 class Constancy:
     """Deviations of parts of a record, or of trials, from the whole."""
 
+    merged: bool  # whether the parts are trials, and not the halves of a single one
     shares: np.ndarray  # shape (parts,): of the samples
     influence: np.ndarray  # shape (unknowns, parts): deviations of all unknowns
     deviations: dict[str, np.ndarray]  # of K, B, I and G, shapes (parts,)
     errors: dict[str, np.ndarray]  # their standard errors, shapes (parts,)
     scores: np.ndarray  # shape (parts,): normal scores of the deviations
     probability: float  # of deviations as large, if there were none
+
+    @property
+    def differs(self) -> bool:
+        """Whether trials scatter by more than chance, so that intervals are those between trials."""
+        return self.merged and self.probability < DIFFERENT
 
     @property
     def covariance(self) -> np.ndarray:
@@ -45,26 +52,29 @@ class Constancy:
         return count / (count - 1.0) * weighted @ weighted.T
 
 
-@dataclass(frozen=True, eq=False)
-class Lags:
+class Lags(NamedTuple):
     """How late the torque is in parts of a record."""
 
     values: np.ndarray  # shape (parts,): [s], less the mean
     scores: np.ndarray  # shape (parts,): over their standard errors
 
 
-def divide(sizes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """First samples and shares of parts: of trials of so many samples, or of the halves of a single one."""
+def _sum_parts(contributions: np.ndarray, sizes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of what samples contribute over parts: trials of so many samples, or the halves of a single one; and shares.
+
+    Shapes: contributions (rows, samples); returns (rows, parts), (parts,).
+    """
     parts = list(sizes)
     if len(parts) == 1:
         half = parts[0] // 2
         parts = [half, parts[0] - half]
-    return np.cumsum([0, *parts[:-1]]), np.array(parts) / sum(parts)
+    starts = np.cumsum([0, *parts[:-1]])
+    return np.add.reduceat(contributions, starts, axis=1), np.array(parts) / sum(parts)
 
 
 def compare_parts(
-    sums: np.ndarray,
-    shares: np.ndarray,
+    contributions: np.ndarray,
+    sizes: Sequence[int],
     normal: np.ndarray,
     covariance: np.ndarray,
     rows: Mapping[str, np.ndarray],
@@ -79,8 +89,12 @@ def compare_parts(
     from those of the whole, H being the slope of the equations. With the covariance C of the whole, that of δ is
     C (1/w - 1).
 
-    Shapes: sums (unknowns, parts), normal, covariance (unknowns, unknowns), rows (unknowns,) of K, B, I and G.
+    `sizes` are the samples of each trial.
+
+    Shapes: contributions (unknowns, samples), normal, covariance (unknowns, unknowns), rows (unknowns,), of K, B,
+    I and G.
     """
+    sums, shares = _sum_parts(contributions, sizes)
     influence = solve_scaled(normal, sums - np.outer(sums.sum(axis=1), shares)) / shares
     matrix = np.array([rows[name] for name in NAMES])
     deviations = matrix @ influence
@@ -94,6 +108,7 @@ def compare_parts(
     squares = np.sum(deviations * solve_scaled(scatter, deviations), axis=0)
     freedom = len(NAMES) * (shares.size - 1)
     return Constancy(
+        merged=len(sizes) > 1,
         shares=shares,
         influence=influence,
         deviations=dict(zip(NAMES, deviations, strict=True)),
@@ -108,11 +123,9 @@ def measure_constancy(solution: Search) -> Constancy:
     point = solution.point
     free = solution.free
     band = point.equations.band
-    starts, shares = divide([part.samples for part in band.parts])
-    instruments = point.instruments[free] / point.level
     return compare_parts(
-        sums=np.add.reduceat(band.contributions(instruments, point.residual), starts, axis=1),
-        shares=shares,
+        contributions=band.contributions(point.instruments[free] / point.level, point.residual),
+        sizes=[part.samples for part in band.parts],
         normal=point.normal[np.ix_(free, free)],
         covariance=solution.covariance,
         rows=solution.rows,
@@ -123,40 +136,36 @@ def measure_lags(solution: Search) -> Lags:
     """How late the torque is in the trials, or in the halves of a single one, if that is a further unknown."""
     point = solution.point
     band = point.equations.band
-    starts, shares = divide([part.samples for part in band.parts])
     groups = {"torque_lag": ["torque_lag"]}
     step = find_steps(groups, solution, point.equations)["torque_lag"]
     instruments = np.vstack([point.instruments[solution.free], step.instruments])
     contributions = band.contributions(instruments / point.level, point.residual)
-    sums = np.add.reduceat(contributions, starts, axis=1)
+    sums, shares = _sum_parts(contributions, [part.samples for part in band.parts])
     lags = step.rows[0] @ sums / shares
     deviations = lags - shares @ lags
     errors = np.sqrt(step.covariance.item() * (1.0 / shares - 1.0))
     return Lags(deviations, deviations / errors)
 
 
-def find_changes(constancy: Constancy, values: Mapping[str, float]) -> list[int]:
-    """Numbers of the parts that are so different that the whole says little about them."""
-    deviations = constancy.deviations
-    relative = [np.abs(deviations[name] / values[name]) for name in deviations if name in values]
+def describe_changes(
+    constancy: Constancy,
+    values: Mapping[str, float],
+    find_lags: Callable[[], Lags] | None = None,
+) -> list[str]:
+    """Warnings about the parts that are so different that the whole says little about them."""
+    relative = [
+        np.abs(constancy.deviations[name] / values[name]) for name in NAMES if name in values
+    ]
     pairs = zip(constancy.scores, np.max(relative, axis=0), strict=True)
-    return [
+    changes = [
         number
         for number, (score, shift) in enumerate(pairs)
         if score > SIGNIFICANT and is_large(score, shift)
     ]
-
-
-def describe_changes(
-    changes: Sequence[int],
-    constancy: Constancy,
-    values: Mapping[str, float],
-    lags: Lags | None = None,
-    *,
-    merged: bool,
-) -> list[str]:
-    """Warnings about parts that are different."""
-    if merged:
+    if not changes:
+        return []
+    lags = None if find_lags is None else find_lags()
+    if constancy.merged:
         return [_describe_trial(constancy, values, lags, number) for number in changes]
     return [_describe_halves(constancy, values, lags)]
 
@@ -167,7 +176,7 @@ def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: La
         before, after = lags.values
         return f"from the middle on {_describe_lag(after - before)}: {LAG_ADVICE}."
     ratios = []
-    for name in _select_named(constancy, 1):
+    for name in _select_named(constancy, values, 1):
         first, second = values[name] + constancy.deviations[name]
         ratios.append(f"{name} is {second / first:.2g} times")
     return f"from the middle on {', '.join(ratios)} what it was before: {HALF_ADVICE}."
@@ -182,22 +191,22 @@ def _describe_trial(
         return f"{trial}: {_describe_lag(lags.values[number])} than in the others: {LAG_ADVICE}."
     share = constancy.shares[number]
     changes = []
-    for name in _select_named(constancy, number):
+    for name in _select_named(constancy, values, number):
         difference = constancy.deviations[name][number] / (1.0 - share)
         others = values[name] - share * difference
         changes.append(f"{name} {100 * difference / others:+.0f} %")
     return f"{trial}: {', '.join(changes)}: {TRIAL_ADVICE}."
 
 
-def _select_named(constancy: Constancy, number: int) -> list[str]:
+def _select_named(constancy: Constancy, values: Mapping[str, float], number: int) -> list[str]:
     """Parameters of a part that deviate by more than chance; that which deviates most if none does."""
     scores = {
-        name: abs(part[number]) / constancy.errors[name][number]
-        for name, part in constancy.deviations.items()
+        name: abs(constancy.deviations[name][number]) / constancy.errors[name][number]
+        for name in NAMES
+        if name in values
     }
-    return [name for name in scores if scores[name] > NAMED] or [
-        max(scores, key=scores.__getitem__)
-    ]
+    most = max(scores, key=scores.__getitem__)
+    return [name for name in scores if scores[name] > NAMED] or [most]
 
 
 def _describe_lag(lag: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from math import inf
 from typing import Literal
 
@@ -27,10 +28,8 @@ from ankleloop.methods.riv.alternatives import (
     with_alternatives,
 )
 from ankleloop.methods.riv.constancy import (
-    DIFFERENT,
     Constancy,
     describe_changes,
-    find_changes,
     measure_constancy,
     measure_lags,
 )
@@ -197,13 +196,10 @@ def _estimate(
     uncertainty = Uncertainty()
     warnings = _warnings(solution)
     if constancy is not None:
-        merged = len(trials) > 1
-        kind = options.intervals or _choose_intervals(point, constancy, merged=merged)
+        kind = options.intervals or _choose_intervals(point, constancy)
         uncertainty = _quantify(solution, kind, constancy)
-        changes = find_changes(constancy, solution.values)
-        if changes:
-            lags = measure_lags(solution)
-            warnings += describe_changes(changes, constancy, point.values, lags, merged=merged)
+        find_lags = partial(measure_lags, solution)
+        warnings += describe_changes(constancy, solution.values, find_lags)
     inputs = ModelInputs.of(equations.records[0], reflex["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]
@@ -251,9 +247,9 @@ def _describe_incomplete(point: Point) -> list[str]:
     ]
 
 
-def _choose_intervals(point: Point, constancy: Constancy, *, merged: bool) -> str:
+def _choose_intervals(point: Point, constancy: Constancy) -> str:
     """Kind of the intervals that the record asks for."""
-    if merged and constancy.probability < DIFFERENT:
+    if constancy.differs:
         return "between trials"
     return "robust" if point.movement_p < INCOMPLETE else "asymptotic"
 

@@ -23,12 +23,9 @@ from ankleloop.methods.riv.alternatives import (
     with_alternatives,
 )
 from ankleloop.methods.riv.constancy import (
-    DIFFERENT,
     Constancy,
     compare_parts,
     describe_changes,
-    divide,
-    find_changes,
 )
 from ankleloop.methods.riv.equations import ABSENT_REFLEX, NO_REFLEX, SHOWN_REFLEX
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
@@ -91,10 +88,7 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
         return _estimate(trials, solution, options, None)
     constancy = measure_constancy(solution)
     estimate = _estimate(trials, solution, options, constancy)
-    changes = find_changes(constancy, solution.shown_means)
-    if changes:
-        warnings = describe_changes(changes, constancy, solution.means, merged=len(trials) > 1)
-        estimate.diagnostics["warnings"] += warnings
+    estimate.diagnostics["warnings"] += describe_changes(constancy, solution.shown_means)
     alternatives = _list_alternatives(trials, solution, options)
     return with_alternatives(estimate, alternatives, trials[0])
 
@@ -121,11 +115,9 @@ def _solve(trials: Sequence[PreparedTrial], options: RivTvOptions) -> TimeVaryin
 
 def measure_constancy(solution: TimeVaryingSolution) -> Constancy:
     """Deviations of the means of K, B, I and G in the trials, or in the halves of a single one."""
-    starts, shares = divide([part.segment.size for part in solution.equations.course.parts])
-    contributions = solution.system.instruments * solution.residual
     return compare_parts(
-        sums=np.add.reduceat(contributions, starts, axis=1),
-        shares=shares,
+        contributions=solution.system.instruments * solution.residual,
+        sizes=[part.segment.size for part in solution.equations.course.parts],
         normal=solution.system.normal + solution.penalty,
         covariance=solution.covariance,
         rows=solution.parameter_rows,
@@ -174,7 +166,7 @@ def _estimate(
         kind = "robust"
         covariance = solution.covariance
         freedom = course.segments - 1
-        if len(trials) > 1 and constancy.probability < DIFFERENT:
+        if constancy.differs:
             kind = "between trials"
             covariance = constancy.covariance
             freedom = len(trials) - 1
