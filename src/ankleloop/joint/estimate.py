@@ -318,6 +318,23 @@ class Estimate:
         # By name, as figures: methods stand above estimates.
         return import_module("ankleloop.methods.description").describe_methods(self)
 
+    def __eq__(self, other: object) -> bool:
+        """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""
+        if not isinstance(other, Estimate):
+            return NotImplemented
+        return (
+            self.method == other.method
+            and self.stiffness == other.stiffness
+            and self.reflex == other.reflex
+            and self.intervals == other.intervals
+            and self.torque.identical(other.torque)
+        )
+
+    def __hash__(self) -> int:
+        """Of what equal estimates have alike: method and parameters."""
+        parameters = {**self.stiffness, **self.reflex}
+        return hash((self.method, frozenset(parameters.items())))
+
     def __repr__(self) -> str:
         table = self.summary().to_string(float_format=DIGITS, na_rep="–", index_names=False)
         heading = f"<Estimate by {self.method}>"

@@ -192,10 +192,13 @@ def split_onsets(onsets: Onsets, count: int) -> list[Any]:
 def _describe_short(trials: Sequence[PreparedTrial], course: Course, onsets: Sequence[Any]) -> str:
     """Why trials have too few cycles or segments."""
     if not course.periodic:
-        return (
-            f"{course.segments} whole seconds remain beside the filters of the record, and riv-tv without cycles needs "
-            f"{FEWEST_CYCLES}: record longer, or merge more trials."
-        )
+        if len(trials) > 1:
+            return (
+                f"{course.segments} whole seconds of the {len(trials)} trials remain beside their filters, and riv-tv "
+                f"needs {FEWEST_CYCLES}: take more trials."
+            )
+        least = FEWEST_CYCLES * SEGMENT_LENGTH + 2 * RECORD_MARGIN
+        return f"the record is too short: riv-tv without cycles needs {least:g} s."
     first = find_onsets(trials[0], onsets[0])
     return (
         f"too few whole cycles lie more than {RECORD_MARGIN:g} s within the record: {course.segments} with "

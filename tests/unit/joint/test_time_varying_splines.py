@@ -9,14 +9,6 @@ from ankleloop.joint.time_varying_course import Splines
 PLACES = np.linspace(0.0, 1.0, 301)
 
 
-@pytest.mark.parametrize("size", [4, 7, 12])
-def test_open_splines_are_uniform_b_splines(size):
-    intervals = size - 3
-    knots = np.arange(-3, intervals + 4) / intervals
-    expected = BSpline.design_matrix(np.minimum(PLACES, 1 - 1e-12), knots, 3).toarray()
-    np.testing.assert_allclose(Splines(size, periodic=False)(PLACES), expected, atol=1e-10)
-
-
 @pytest.mark.parametrize("size", [4, 5, 12])
 def test_periodic_splines_go_on_behind_the_cycle(size):
     splines = Splines(size, periodic=True)

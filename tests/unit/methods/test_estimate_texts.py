@@ -17,21 +17,6 @@ def test_no_reflex_gain_without_a_separation(method, settings):
     assert estimate.stiffness["K"] == pytest.approx(150.0, rel=0.15)
 
 
-def test_where_the_separation_holds_the_gain_is_given(noisy):
-    for method, options in [
-        ("pr-moesp", {}),
-        ("pr-moesp", {"basis": "rectifier"}),
-        ("parallel-cascade", {}),
-    ]:
-        estimate = identify(noisy, method, **options)
-        assert {"G", "omega_n", "zeta"} <= set(estimate.reflex)
-        assert estimate.diagnostics["separation"]["ramp"] > 0.95
-    open_loop = simulate(seed=3, closed_loop=False)
-    assert identify(open_loop, "pr-moesp", basis="rectifier").reflex["G"] == pytest.approx(
-        13.0, rel=0.15
-    )
-
-
 def test_the_default_is_the_method_that_feedback_does_not_bias(noisy):
     assert identify(noisy) == identify(noisy, "riv")
     with pytest.raises(DataError, match=r"no reference.*reference='position'.*parallel-cascade"):

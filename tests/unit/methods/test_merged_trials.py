@@ -19,7 +19,6 @@ from ankleloop import (
 from ankleloop.assessment.scores import parameter_row, true_trajectories
 from ankleloop.joint.prepared import predict_inputs, prepare, prepare_trials
 from ankleloop.joint.regressors import split_torques
-from ankleloop.methods.riv.equations import Equations, Point
 
 QUIET = {"voluntary": 0.0, "snr_db": None}
 LIGHT = {"load": (0.1, 10.0, 100.0)}
@@ -71,21 +70,6 @@ def test_the_order_of_trials_does_not_matter(trials, merged):
 
 def test_one_trial_in_a_list_is_that_trial(trials):
     assert identify(trials[:1], "riv") == identify(trials[0], "riv")
-
-
-def test_equations_of_two_trials_are_the_sums_of_those_of_each(trials):
-    """Flat weights are the inverse of the mean noise of all frequencies."""
-    prepared = prepare_trials(trials[:2])
-    options = {"basis": "rectifier", "delay": 0.04, "identification_rate": 100.0}
-    records = [each.regressors(reference="position", **options) for each in prepared]
-    pairs = [(prepared, records), (prepared[:1], records[:1]), (prepared[1:], records[1:])]
-    equations = [Equations(*pair, "flat") for pair in pairs]
-    parameters = equations[1].find_start(2, estimate_delay=True)
-    both, *each = (Point(part, parameters) for part in equations)
-    for name in ("side", "normal"):
-        total = sum(getattr(point, name) * point.level[0] for point in each)
-        whole = getattr(both, name) * both.level[0]
-        np.testing.assert_allclose(whole, total, atol=1e-12 * np.abs(whole).max())
 
 
 def test_the_reference_goes_through_one_response_for_all_trials():

@@ -1,7 +1,6 @@
 """A method is an object: what is called with a name can be called with it, and nothing changes what it gives."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ import pytest
 from ankleloop import METHODS, DataError, block_bootstrap, identify, new_trial, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import torque_dataset
-from ankleloop.methods.method import KnownDelayOptions, Method, Validity
+from ankleloop.methods.method import KnownDelayOptions, Method
 from ankleloop.methods.registry import find_method, method_options
 from ankleloop.methods.selection import select_options
 from ankleloop.recordings.analysis import analyse
@@ -100,15 +99,6 @@ def test_a_method_of_unknown_validity_is_analysed_in_open_loop_only(open_loop):
     assert recommend(analysis).label == "riv"
     closed = analyse(simulate(seed=1, duration=60.0), {"own": {"method": METHOD}})
     assert closed.table["warnings"].item().startswith("it is not known to be valid in closed loop")
-
-
-def test_a_method_that_says_where_it_is_valid_is_valid_there():
-    known = replace(METHOD, validity=Validity(closed={"delay": 0.05}, closed_fault="it is off"))
-    assert reason_against(known, {"delay": 0.05}, "closed", True, 0.0) is None
-    assert (
-        reason_against(known, {}, "closed", True, 0.0)
-        == "it is off, and the loop is closed: delay=0.05"
-    )
 
 
 @pytest.mark.parametrize("reference", [True, False])

@@ -110,9 +110,6 @@ def test_the_first_pass_is_biased_in_closed_loop_and_the_last_one_not(clean):
     assert np.all(gains[:-1] >= 1e-6)
     assert 0 < gains[-1] < 1e-6
     assert evaluate_vaf(clean[13.0], estimate).min() >= 99.9
-    values = estimate.stiffness | estimate.reflex
-    for name, truth in {"K": 150.0, "I": 0.015, "G": 13.0}.items():
-        assert values[name] == pytest.approx(truth, rel=0.01)
 
 
 def test_responses_longer_than_the_record_are_refused(noisy):

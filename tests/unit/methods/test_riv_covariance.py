@@ -5,7 +5,6 @@ import pytest
 from scipy import stats
 
 from ankleloop import identify, simulate
-from ankleloop.assessment.bootstrap import block_bootstrap
 from ankleloop.assessment.scores import parameter_row
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.riv.covariance import robust_covariance, time_scores
@@ -57,15 +56,6 @@ def test_both_kinds_agree_where_the_model_is_complete():
         robust, _ = robust_covariance(solution.point, solution.free)
         ratios.append(np.diag(robust) / np.diag(solution.point.covariance(solution.free)))
     np.testing.assert_allclose(np.sqrt(np.mean(ratios, axis=0)), 1.0, atol=0.12)
-
-
-def test_the_bootstrap_agrees_where_the_model_is_complete():
-    trial = simulate(seed=3, duration=30.0)
-    robust = identify(trial, "riv", intervals="robust").diagnostics["standard_errors"]
-    bootstrap = block_bootstrap(trial, "riv", repetitions=40).standard_errors()
-    ratios = np.array([robust[name] / bootstrap[name] for name in NAMES])
-    assert np.all((ratios > 0.65) & (ratios < 1.5)), ratios
-    assert 0.75 < np.exp(np.mean(np.log(ratios))) < 1.25
 
 
 def test_robust_errors_are_the_scatter_of_incomplete_models():

@@ -1,9 +1,8 @@
 """Selection on data that the fit has not seen: the truth is preferred, also where the net VAF prefers another model."""
 
-import numpy as np
 import pytest
 
-from ankleloop import METHODS, DataError, evaluate, identify, segment, simulate
+from ankleloop import METHODS, DataError, identify, segment, simulate
 from ankleloop.methods import registry
 from ankleloop.methods.selection import select_options
 
@@ -132,31 +131,6 @@ def test_invalid_selections_are_refused_before_any_fit(trial, options, error, me
     monkeypatch.setattr(registry, "select_options", None)
     with pytest.raises(error, match=message):
         identify(trial, "pr-moesp", **options)
-
-
-@pytest.mark.parametrize(
-    ("method", "options", "accuracy"),
-    [
-        ("pr-moesp", {"basis": "rectifier"}, 99.9),
-        ("eiv-moesp", {"basis": "spline", "degree": 8}, 99.5),
-        ("parallel-cascade", {}, 99.9),
-        ("riv", {}, 99.99),
-    ],
-)
-def test_estimates_predict_records_that_they_have_not_seen(trial, method, options, accuracy):
-    first, second = segment(trial, 0.0, 25.0), segment(trial, 25.0, 50.0)
-    estimate = identify(first, method, **options)
-    prediction = estimate.predict(second)
-    assert prediction.torque["time"][0] >= 25.0
-    assert evaluate(second, prediction).query("against == 'true'")["vaf"].min() > accuracy
-    # On the record of the fit a prediction from rest is the fit, except at its beginning.
-    again = (
-        estimate.predict(first)
-        .torque["net"]
-        .sel(time=estimate.torque["time"], method="nearest", tolerance=1e-6)
-    )
-    difference = (again - estimate.torque["net"].values).values[100:]
-    assert np.ptp(difference) < 1e-3 * np.ptp(again.values)
 
 
 def test_halves_that_cannot_be_compared_are_refused():
