@@ -178,11 +178,8 @@ def _read_numbers(fields: Fields) -> dict[str, float]:
 
 def _read_intervals(fields: Fields) -> dict[str, tuple[float, float]]:
     """Ends of intervals by name."""
-    intervals = {}
-    for name in fields.values:
-        low, high = fields.array(name, finite=False).tolist()
-        intervals[name] = (low, high)
-    return intervals
+    ends = {name: fields.array(name, 2, finite=False).tolist() for name in fields.values}
+    return {name: (low, high) for name, (low, high) in ends.items()}
 
 
 class EstimateTable:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import exp, inf, isinf, sqrt
+from math import exp, inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -58,11 +58,7 @@ class Uncertainty:
         self, values: Mapping[str, float], level: float = 0.95
     ) -> dict[str, tuple[float, float]]:
         """Intervals of the parameters, by Student's distribution; the normal one for infinite freedom."""
-        probability = 0.5 * (1.0 + level)
-        if isinf(self.freedom):
-            quantile = float(special.ndtri(probability))
-        else:
-            quantile = float(special.stdtrit(self.freedom, probability))
+        quantile = float(special.stdtrit(self.freedom, 0.5 * (1.0 + level)))
         intervals = {}
         for name, error in self.standard_errors.items():
             value = values[name]

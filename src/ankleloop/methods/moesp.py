@@ -28,7 +28,7 @@ from ankleloop.methods.method import (
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
 from ankleloop.subspace.moesp import SubspaceEstimate, moesp
-from ankleloop.subspace.sources import check_rows
+from ankleloop.subspace.sources import SubspaceOptions, check_rows
 
 # With free_b the responses to position, velocity, acceleration and delayed velocity are nearly dependent, and least
 # squares would give torques that are huge and cancel. Without it the regression is far from this (condition below 100).
@@ -56,15 +56,6 @@ SUBSPACE_OPTIONS: Mapping[OmittedStep | None, dict[str, Any]] = {
 }
 # Options that regressors are made by.
 INPUTS = {"delay", "degree", "identification_rate"}
-# Options that mean the same there.
-SHARED_OPTIONS = {
-    "block_rows",
-    "order",
-    "instrument_rows",
-    "instrument_leads",
-    "rank_tolerance",
-    "input_matrices",
-}
 
 
 class MoespOptions(KnownDelayOptions, BasisOptions):
@@ -199,7 +190,7 @@ def subspace_arguments(
     """Arguments of `ankleloop.subspace.moesp` beside the data."""
     instruments, projection = MEMBERS[member]
     return {
-        **options.model_dump(include=SHARED_OPTIONS),
+        **options.model_dump(include=set(SubspaceOptions.model_fields)),
         "instruments": instruments,
         "projection": options.projection or projection,
         "dt": 1.0 / options.identification_rate,

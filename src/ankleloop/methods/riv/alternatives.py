@@ -71,6 +71,11 @@ class Alternative:
         return self.significant and (other_delay or is_large(self.score, self.largest_shift))
 
 
+def _rank(alternative: Alternative) -> float:
+    """Size of a score, by which alternatives are ordered."""
+    return abs(alternative.score)
+
+
 def is_large(score: float, shift: float) -> bool:
     """Whether a shift of a parameter is a warning: one by a tenth where its score is beyond doubt, else by a fifth."""
     return shift > (CERTAIN_SHIFT if abs(score) > CERTAIN else LARGEST_SHIFT)
@@ -91,7 +96,7 @@ def with_alternatives(
     ]
     if not shown:
         return estimate
-    shown.sort(key=lambda alternative: -abs(alternative.score))
+    shown.sort(key=_rank, reverse=True)
     values = estimate.stiffness | estimate.reflex
     intervals = extend_intervals(estimate.intervals, values, shown[0].shifts)
     diagnostics = dict(estimate.diagnostics)
@@ -201,19 +206,15 @@ def _combine_effects(solution: Search, step: Step) -> Alternative:
 def _add_further(alternatives: list[Alternative]) -> list[Alternative]:
     """The alternatives, the most significant doubtful one with the one that the record shows beside it."""
     doubtful = [each for each in alternatives if each.doubtful]
-    if len(doubtful) < 2:
+    first = max(doubtful, key=_rank)
+    others = [each for each in doubtful if each is not first]
+    if first.freed is None or not others:
         return alternatives
-    first = max(doubtful, key=lambda alternative: abs(alternative.score))
-    assert first.freed is not None
-    groups = {each.effect: [each.effect] for each in doubtful if each is not first}
+    groups = {each.effect: [each.effect] for each in others}
     steps = find_steps(groups, first.freed, first.freed.equations)
     beside = [_free_effect(name, first.freed, step) for name, step in steps.items()]
-    beside = [each for each in beside if each.doubtful]
-    if not beside:
-        return alternatives
-    further = max(beside, key=lambda alternative: abs(alternative.score))
-    combined = replace(first, further=further)
-    return [combined if each is first else each for each in alternatives]
+    further = max((each for each in beside if each.doubtful), key=_rank, default=None)
+    return [replace(first, further=further), *[each for each in alternatives if each is not first]]
 
 
 def _free_effect(name: str, solution: Search, step: Step) -> Alternative:

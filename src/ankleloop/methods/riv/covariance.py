@@ -70,13 +70,13 @@ def parameter_rows(point: Point, covariance: np.ndarray, free: np.ndarray) -> di
     """
     path = point.reflex_path
     coefficients = slice(MOTION, point.parameters.linear.size)
-    values = np.array(path.rectifier[:2])
+    ramp = np.array(path.rectifier[:2])
     deviations = np.sqrt(np.diag(covariance))
     units = np.eye(free.size)
     rows = dict(zip(np.array(point.names)[free].tolist(), units, strict=True))
-    gain, threshold = np.zeros((2, free.size))
+    slopes = np.zeros((2, free.size))
     for number in range(coefficients.start, coefficients.stop):
         step = GRADIENT_STEP * deviations[number] * units[number]
         shifted = replace(path, coefficients=path.coefficients + step[coefficients])
-        gain[number], threshold[number] = (np.array(shifted.rectifier[:2]) - values) / step.sum()
-    return {**rows, "G": gain, "threshold": threshold}
+        slopes[:, number] = (np.array(shifted.rectifier[:2]) - ramp) / step.sum()
+    return {**rows, "G": slopes[0], "threshold": slopes[1]}

@@ -63,14 +63,14 @@ class Parameters:
     def add(self, step: np.ndarray) -> Parameters:
         """Parameters after a step of all unknowns."""
         linear, others = np.split(step, [self.linear.size])
-        changes = dict.fromkeys([*self.dynamics.values, "delay", "torque_lag"], 0.0)
-        changes |= zip(self.unknowns, others.tolist(), strict=True)
+        changes = dict(zip(self.unknowns, others.tolist(), strict=True))
+        logarithms = [changes.get(name, 0.0) for name in self.dynamics.values]
         return replace(
             self,
             linear=self.linear + linear,
-            shift=self.shift + changes.pop("delay"),
-            lag=self.lag + changes.pop("torque_lag"),
-            dynamics=self.dynamics.scale(np.array([*changes.values()])),
+            shift=self.shift + changes.get("delay", 0.0),
+            lag=self.lag + changes.get("torque_lag", 0.0),
+            dynamics=self.dynamics.scale(np.array(logarithms)),
         )
 
     def limit_delay(self, delay: float) -> Parameters:
@@ -195,19 +195,19 @@ class Point:
         the two. All are whitened. Lags within half a second are 1/(2b) apart in a band of width b; there the
         correlations of white signals are independent. The smaller one of the two probabilities counts, twice.
         """
-        lags, *squares = self._movement_squares
-        return float(min(1.0, 2.0 * special.chdtrc(lags, max(squares))))
+        lags, square = self._movement_square
+        return float(min(1.0, 2.0 * special.chdtrc(lags, square)))
 
     @property
     def movement_share(self) -> float:
         """Share of the residual that depends on the movement, beyond what chance would have."""
-        lags, *squares = self._movement_squares
+        lags, square = self._movement_square
         frequencies = self.residual.size / self.equations.band.correlation
-        return float(max(0.0, 0.5 * (max(squares) - lags) / frequencies))
+        return float(max(0.0, 0.5 * (square - lags) / frequencies))
 
     @cached_property
-    def _movement_squares(self) -> tuple[int, float, float]:
-        """Number of lags, and sums of squared correlations of the residual with position and drive, a χ² each."""
+    def _movement_square(self) -> tuple[int, float]:
+        """Number of lags, and the larger sum of squared correlations of the residual with position or drive, a χ²."""
         band = self.equations.band
         part = band.parts[0]
         reach = int(MOVEMENT_REACH * 2 * part.bins.stop * part.rate / part.samples)
@@ -219,7 +219,7 @@ class Point:
             power = band.smooth(np.abs(spectrum) ** 2, MOVEMENT_RESOLUTION)
             products = band.correlate(residual * spectrum.conj() / np.sqrt(power), reach)
             squares.append(np.sum(products**2) / (0.5 * residual.size * band.correlation))
-        return 2 * reach + 1, *squares
+        return 2 * reach + 1, max(squares)
 
     @cached_property
     def misfit(self) -> float:

@@ -88,15 +88,10 @@ class NoiseModel:
         return 0.0 if self.weighting == "flat" else self.spectrum_variance
 
     def spectrum(self, noise: np.ndarray) -> np.ndarray:
-        """Smoothed spectrum of the noise at `frequency` [(N·m)²], white noise having its variance."""
+        """Smoothed spectrum of the noise over the band of the longest record [(N·m)²]; of white noise its variance."""
         periodogram = np.abs(self.band.transform(noise)) ** 2
         power = 0.5 * self.transform.rate * self.band.average(periodogram, self.resolution)
         return np.maximum(power, POWER_FLOOR * power.max())
-
-    @property
-    def frequency(self) -> np.ndarray:
-        """Frequencies of the spectrum of the noise [Hz]."""
-        return self.band.longest.frequency
 
     def whiten(self, noise: np.ndarray) -> Weighting:
         """Weights that make noise white: the inverse of its spectrum, and of its level as a function of the place.
@@ -106,7 +101,7 @@ class NoiseModel:
         spectrum = self.spectrum(noise)
         if self.weighting == "flat":
             return self.weigh(spectrum.mean())
-        power = np.interp(self.transform.frequency, self.frequency, spectrum)
+        power = np.interp(self.transform.frequency, self.band.longest.frequency, spectrum)
         stationary = self.weigh(power)
         padded = np.zeros(self.transform.samples)
         padded[self.rows] = noise
@@ -144,5 +139,5 @@ class NoiseModel:
         spectrum = self.spectrum(residual)
         frequency = np.fft.rfftfreq(residual.size, 1.0 / self.transform.rate)
         relative = spectrum / spectrum.mean()
-        power = np.interp(frequency, self.frequency, relative, left=0.0, right=0.0)
+        power = np.interp(frequency, self.band.longest.frequency, relative, left=0.0, right=0.0)
         return irfft(np.sqrt(power) * rfft(signals), residual.size)
