@@ -217,11 +217,11 @@ def _follow_variable(
     limits = []
     for (trial, grid), part, (samples, _) in zip(pairs, values, rows, strict=True):
         if schedule is None:
-            limits.append((part[samples][0], part[samples][-1]))
+            limits.append(part[samples][[0, -1]])
         else:
             limits.append(_schedule_limits(trial, grid, schedule, samples))
-    low = min(first for first, _ in limits)
-    high = max(last for _, last in limits)
+    low = float(np.min(limits))
+    high = float(np.max(limits))
     courses = []
     for part, (samples, segment) in zip(values, rows, strict=True):
         courses.append(
@@ -261,12 +261,15 @@ def _merge_courses(courses: Sequence[Course]) -> Course:
     first = courses[0]
     if len(courses) == 1:
         return first
-    sizes = [course.place.size for course in courses]
-    counts = [course.segments for course in courses]
-    starts = np.cumsum([0, *sizes[:-1]])
-    firsts = np.cumsum([0, *counts[:-1]])
-    rows = [start + part.row_numbers for start, part in zip(starts, courses, strict=True)]
-    segments = [number + part.segment for number, part in zip(firsts, courses, strict=True)]
+    rows = []
+    segments = []
+    samples = 0
+    count = 0
+    for course in courses:
+        rows.append(samples + course.row_numbers)
+        segments.append(count + course.segment)
+        samples += course.place.size
+        count += course.segments
     return Course(
         dimension=first.dimension,
         place=np.concatenate([course.place for course in courses]),
@@ -419,7 +422,7 @@ class Splines:
         differences = np.diff(coefficients, 2, axis=0)
         return differences.T @ differences
 
-    @property
+    @cached_property
     def rank(self) -> int:
         """Rank of the penalty: coefficients of a constant, and of a straight line if not periodic, cost nothing."""
-        return 0 if self.degree == 0 else self.size - (1 if self.periodic else 2)
+        return int(np.linalg.matrix_rank(self.penalty))

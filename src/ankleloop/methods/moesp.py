@@ -42,10 +42,7 @@ MEMBERS = {
     "eiv-moesp": ("past-input-output", "correlation"),
     "moesp": ("none", "ordinary"),
 }
-OmittedStep = Literal[
-    "kernel-derivatives", "early-nonlinearity", "rank-policy", "scaling", "mean-removal"
-]
-
+OmittedStep = Literal[InputStep, "rank-policy", "scaling", "mean-removal"]
 OMITTED_STEPS: tuple[OmittedStep, ...] = get_args(OmittedStep)
 
 # Options by which `ankleloop.subspace.moesp.moesp` leaves out the steps that are its own.

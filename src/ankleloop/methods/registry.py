@@ -65,16 +65,14 @@ def load_registered() -> tuple[dict[str, Method], list[str]]:
 
 def _describe_no_default() -> str:
     """Why there is no default without a reference, and which methods there are if the loop is open."""
-    by_position = [
-        repr(name)
-        for name, method in METHODS.items()
-        if method.validity.without_reference == POSITION
-    ]
-    others = [name for name in map(repr, METHODS) if name not in by_position]
+    by_position = {
+        name for name, method in METHODS.items() if method.validity.without_reference == POSITION
+    }
+    others = ", ".join(repr(name) for name in METHODS if name not in by_position)
     return (
         "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
-        "reference, or, if nothing was compliant while it was recorded (open loop), name a method: "
-        f"{' or '.join(by_position)} with reference='position', or one of {', '.join(others)}."
+        "reference, or, if nothing was compliant while it was recorded (open loop), take 'riv' with "
+        f"reference='position', or one of {others}."
     )
 
 

@@ -45,13 +45,3 @@ def assert_same_estimate(loaded, saved):
     assert (loaded.predictor is None) == (saved.predictor is None)
     if saved.predictor is not None:
         xr.testing.assert_identical(model_dataset(loaded.predictor), model_dataset(saved.predictor))
-    assert (loaded.matrices is None) == (saved.matrices is None)
-    if saved.matrices is not None:
-        for name in "ABCD":
-            np.testing.assert_array_equal(
-                getattr(loaded.matrices, name), getattr(saved.matrices, name)
-            )
-            np.testing.assert_array_equal(getattr(loaded.model, name), getattr(saved.model, name))
-        for name in ("dt", "names", "input_delays"):
-            assert getattr(loaded.matrices, name) == getattr(saved.matrices, name)
-        assert loaded.model.input_labels == saved.model.input_labels
