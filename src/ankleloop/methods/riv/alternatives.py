@@ -153,7 +153,10 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     """
     parameters = solution.point.parameters
     effects = list_effects(open_loop=solution.equations.open_loop)
-    if parameters.linear.size > MOTION + 1:  # other bases than the rectifier answer both directions
+    answers_both = (
+        parameters.linear.size > MOTION + 1
+    )  # directions, as other bases than the rectifier do
+    if answers_both:
         effects.remove("direction")
     groups = {name: [name] for name in effects} | {TOGETHER: effects}
     steps = find_steps(groups, solution, solution.equations)
@@ -161,11 +164,9 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     alternatives = [_free_effect(name, solution, step) for name, step in steps.items()]
     if any(each.doubtful for each in alternatives):
         alternatives = _add_further(alternatives)
-    elif (
-        "direction" in effects
-    ):  # what a curve of other bases leaves of a ramp would be such a mixture
+    elif not answers_both:  # what a curve of other bases leaves of a ramp would be such a mixture
         alternatives.append(_combine_effects(solution, together))
-    if parameters.linear.size > MOTION + 1:
+    if answers_both:
         alternatives.append(_separate_directions(solution))
     is_known = "delay" in parameters.delays or parameters.passive
     if is_known or solution.point.movement_p >= INCOMPLETE:

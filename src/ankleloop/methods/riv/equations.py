@@ -282,14 +282,11 @@ class Equations:
         # Shape (3 + k, samples): the inputs over time.
         self.inputs = _join([record.inputs.T for record in records])
         self.measured = self.band.transform(self.inputs)
-        self.predicted_inputs = self.inputs
-        self.predicted = self.measured
+        self.predicted_inputs = _join([part.T for part in predict_inputs(trials, records)])
+        self.predicted = self.band.transform(self.predicted_inputs)
         self.open_loop = records[0].reference_name == "position"
         references = [record.reference for record in records if record.reference is not None]
         self.reference = self.band.transform(_join(references))
-        if not self.open_loop:
-            self.predicted_inputs = _join([part.T for part in predict_inputs(trials, records)])
-            self.predicted = self.band.transform(self.predicted_inputs)
 
     def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
         """Smoothed periodogram, shape (frequencies,)."""
