@@ -16,7 +16,7 @@ There is one estimator, least squares of the taps h, and two ways to its normal 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -30,8 +30,8 @@ from ankleloop.signals.spectra import smooth
 
 RESPONSE_LEADS = 0.15  # s
 RESPONSE_LAGS = 0.80  # s
+SAMPLE_LEADS, SAMPLE_LAGS = 15, 80  # samples, of data whose rate does not matter
 ROWS_PER_TAP = 4  # at least
-ROWS_AT_ONCE = 20_000  # whose leads and lags are in memory
 UNEXCITED = 1e-6  # of the largest eigenvalue of the source's covariance: beyond the pass band there is nothing
 SOURCE_RIDGE = 1e-3  # of the power of the source: it settles what lies beyond the pass band
 NOISE_RESOLUTION = 0.8  # Hz: width over which the noise spectrum is smoothed
@@ -39,10 +39,10 @@ NOISE_FLOOR = 1e-12  # of the largest noise in the pass band
 
 
 class LaggedRecord(NamedTuple):
-    """Leads and lags of the source in a record, and the signals at the same samples."""
+    """Leads and lags of the source in a record, and the signals at the same samples, all less their means."""
 
     lagged: np.ndarray  # shape (rows, taps)
-    signals: np.ndarray  # shape (rows,) or (rows, channels), less their means
+    signals: np.ndarray  # shape (rows,) or (rows, channels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,17 +80,13 @@ def project_on_reference(
 
     Shapes: references (N,), channels (N, channels).
     """
-    leads = round(RESPONSE_LEADS * rate)
-    lags = round(RESPONSE_LAGS * rate)
-    records = _cut_records(references, channels, leads, lags, ROWS_PER_TAP)
+    leads, lags = _usual_reach(rate)
+    records = _lag_records(references, channels, leads, lags, ROWS_PER_TAP)
     taps, rank = _fit_response(records)
-    rows = _count_rows(records)
-    return ReferenceProjection(
-        signals=[record.signals for record in records],
-        residuals=_residuals(records, taps),
-        rows=rows,
-        shrinkage=1.0 - rank / rows,
-    )
+    signals = [record.signals for record in records]
+    rows = sum(map(len, signals))
+    residuals = [signals - lagged @ taps for lagged, signals in records]
+    return ReferenceProjection(signals, residuals, rows, shrinkage=1.0 - rank / rows)
 
 
 def unseen_share(
@@ -100,30 +96,43 @@ def unseen_share(
 
     Shapes: references, signals (N,).
     """
-    leads = round(RESPONSE_LEADS * rate)
-    lags = round(RESPONSE_LAGS * rate)
-    records = _cut_records(references, signals, leads, lags, 2 * ROWS_PER_TAP)
+    leads, lags = _usual_reach(rate)
+    records = _lag_records(references, signals, leads, lags, 2 * ROWS_PER_TAP)
     first = [_cut_rows(record, slice(None, len(record.signals) // 2)) for record in records]
     second = [_cut_rows(record, slice(len(record.signals) // 2, None)) for record in records]
     unexplained = 0.0
+    total = 0.0
     for training, unseen in ((first, second), (second, first)):
         taps, _ = _fit_response(training)
-        unexplained += _sum_squares(_residuals(unseen, taps))
-    total = _sum_squares([record.signals for record in first + second])
-    return 1.0 - unexplained / total
+        for lagged, signal in unseen:
+            unexplained += np.sum((signal - lagged @ taps) ** 2)
+            total += np.sum(signal**2)
+    return float(1.0 - unexplained / total)
+
+
+def _usual_reach(rate: float) -> tuple[int, int]:
+    """Leads and lags of the reference [samples]."""
+    return round(RESPONSE_LEADS * rate), round(RESPONSE_LAGS * rate)
+
+
+def _cut_rows(record: LaggedRecord, rows: slice) -> LaggedRecord:
+    """A part of a record."""
+    return LaggedRecord(*(_centre(part[rows]) for part in record))
 
 
 def predict_from_reference(
-    signals: Sequence[np.ndarray], references: Sequence[np.ndarray], leads: int = 15, lags: int = 80
+    signals: Sequence[np.ndarray], references: Sequence[np.ndarray]
 ) -> list[np.ndarray]:
     """Predict signals from leads and lags of the reference: the prediction is free of noise that is fed back.
 
     Shapes: signals (N, m), references (N, q); returns (N, m).
     """
     channels = references[0].shape[1]
-    taps, _ = _fit_response(_cut_records(references, signals, leads, lags, channels))
-    padded = [np.pad(_centre(reference), ((lags, leads), (0, 0))) for reference in references]
-    return [lag_matrix(reference, leads, lags) @ taps for reference in padded]
+    reach = SAMPLE_LEADS, SAMPLE_LAGS
+    taps, _ = _fit_response(_lag_records(references, signals, *reach, channels))
+    padding = ((SAMPLE_LAGS, SAMPLE_LEADS), (0, 0))
+    padded = [np.pad(_centre(reference), padding) for reference in references]
+    return [lag_matrix(reference, *reach) @ taps for reference in padded]
 
 
 def fit_finite_response(
@@ -199,26 +208,11 @@ def predict_decimated(
 
 
 def _centre(x: np.ndarray) -> np.ndarray:
-    """A signal less its mean."""
+    """Signals less their means."""
     return x - x.mean(axis=0)
 
 
-def _sum_squares(signals: Sequence[np.ndarray]) -> float:
-    """Sum of the squares of all samples."""
-    return sum(float(np.sum(signal**2)) for signal in signals)
-
-
-def _count_rows(records: Sequence[LaggedRecord]) -> int:
-    """Samples of all records."""
-    return sum(len(record.signals) for record in records)
-
-
-def _cut_rows(record: LaggedRecord, rows: slice) -> LaggedRecord:
-    """A part of a record."""
-    return LaggedRecord(record.lagged[rows], _centre(record.signals[rows]))
-
-
-def _cut_records(
+def _lag_records(
     sources: Sequence[np.ndarray],
     signals: Sequence[np.ndarray],
     leads: int,
@@ -231,8 +225,9 @@ def _cut_records(
     for source, signal in zip(sources, signals, strict=True):
         if len(source) > taps:
             inner = signal[lags : len(source) - leads]
-            records.append(LaggedRecord(lag_matrix(source, leads, lags), _centre(inner)))
-    rows = _count_rows(records)
+            lagged = lag_matrix(source, leads, lags)
+            records.append(LaggedRecord(_centre(lagged), _centre(inner)))
+    rows = sum(len(record.signals) for record in records)
     needed = rows_per_tap * taps
     if rows < needed:
         raise DataError(
@@ -242,34 +237,14 @@ def _cut_records(
     return records
 
 
-def _generate_rows(record: LaggedRecord) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Leads and lags less their means, and signals, some rows at a time: all at once would not fit in a long record."""
-    mean = record.lagged.mean(axis=0)
-    for start in range(0, len(record.lagged), ROWS_AT_ONCE):
-        rows = slice(start, start + ROWS_AT_ONCE)
-        yield record.lagged[rows] - mean, record.signals[rows]
-
-
 def _fit_response(records: Sequence[LaggedRecord]) -> tuple[np.ndarray, int]:
     """Taps that are common to the records, and their rank; directions without excitation are left out."""
-    gram = np.zeros(1)
-    products = np.zeros(1)
-    for record in records:
-        for lagged, signals in _generate_rows(record):
-            gram = gram + lagged.T @ lagged
-            products = products + lagged.T @ signals
+    gram = np.sum([lagged.T @ lagged for lagged, _ in records], axis=0)
+    products = np.sum([lagged.T @ signals for lagged, signals in records], axis=0)
     values, vectors = np.linalg.eigh(gram)
     excited = values > UNEXCITED * values[-1]
     directions = vectors[:, excited] / np.sqrt(values[excited])
     return directions @ (directions.T @ products), int(excited.sum())
-
-
-def _residuals(records: Sequence[LaggedRecord], taps: np.ndarray) -> list[np.ndarray]:
-    """What a response leaves of the signals of each record."""
-    return [
-        np.concatenate([signals - lagged @ taps for lagged, signals in _generate_rows(record)])
-        for record in records
-    ]
 
 
 def _solve_correlations(
