@@ -194,11 +194,8 @@ def _transform(
     records: Sequence[np.ndarray], length: int, bins: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Spectra of position and torque in segments of all records, shapes (segments, bins)."""
-    long_enough = [record for record in records if len(record) >= length]
     position, torque = (
-        np.concatenate(
-            [segment_spectra(x[:, channel], length, length)[:, bins] for x in long_enough]
-        )
+        segment_spectra([record[:, channel] for record in records], length, length)[:, bins]
         for channel in (0, MOTION)
     )
     return position, torque

@@ -16,7 +16,7 @@ from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.least_squares import solve_scaled
 from ankleloop.signals.responses import ReferenceProjection, project_on_reference, unseen_share
-from ankleloop.signals.spectra import coherence, segment_spectra
+from ankleloop.signals.spectra import coherence, mean_power, segment_spectra
 from ankleloop.subspace.hankel import hankel_gram
 from ankleloop.trials.channels import VARIABLES
 from ankleloop.trials.trial import REQUIRED
@@ -180,9 +180,9 @@ def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
     if velocity.size < 10 * length or trial.rate < 2.5 * NOISE_BAND:
         return ok
     step = max(length // 2, velocity.size // NOISE_SEGMENTS)
-    spectra = segment_spectra(velocity, length, step)
-    torque_spectra = segment_spectra(trial.samples["torque"], length, step)
-    power = np.mean(np.abs(spectra) ** 2, axis=0)
+    spectra = segment_spectra([velocity], length, step)
+    torque_spectra = segment_spectra([trial.samples["torque"]], length, step)
+    power = mean_power(spectra)
     noise = power * (1.0 - coherence(spectra, torque_spectra))
     is_above = np.arange(power.size) * trial.rate / length > NOISE_BAND
     share = np.sum(noise[is_above]) / np.sum(power)
@@ -207,7 +207,7 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
     torque = trial.samples["torque"]
     if trial.rate >= UNFILTERED_RATE or torque.size < 5 * length:
         return ok
-    density = np.mean(np.abs(segment_spectra(torque, length, length // 2)) ** 2, axis=0)
+    density = mean_power(segment_spectra([torque], length, length // 2))
     place = np.linspace(0.0, 1.0, density.size)  # of half of the sampling rate
     largest = density[place < 0.3].max()
     inside = density[(place >= 0.7) & (place < 0.8)].mean()

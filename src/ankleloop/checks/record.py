@@ -11,7 +11,7 @@ from ankleloop.checks.movement import select_references
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import Regressors
 from ankleloop.signals.decimation import PASSBAND
-from ankleloop.signals.spectra import coherence, segment_spectra
+from ankleloop.signals.spectra import coherence, mean_power, segment_spectra
 
 SHORTEST_RECORD, SHORT_RECORD = 10.0, 25.0  # s
 SHORTEST_TRIAL = 2.0  # s, of those that are merged: filters and Hankel rows touch a second of each
@@ -53,24 +53,20 @@ def estimate_spectra(records: Sequence[Regressors]) -> dict[str, np.ndarray]:
     size = min(LONGEST_SEGMENT, min(record.torque.size for record in records) // 4)
     frequency = np.fft.rfftfreq(size, 1.0 / rate)
     inside = (frequency > 0) & (frequency <= PASSBAND * rate)
-
-    def transform(signals: Sequence[np.ndarray]) -> np.ndarray:
-        return np.concatenate(
-            [segment_spectra(signal, size, size // 2)[:, inside] for signal in signals]
-        )
-
-    position = transform([record.inputs[:, 0] for record in records])
-    torque = transform([record.torque for record in records])
+    segments = (size, size // 2)
+    position = segment_spectra([record.inputs[:, 0] for record in records], *segments)[:, inside]
+    torque = segment_spectra([record.torque for record in records], *segments)[:, inside]
     density = 0.5 * rate * np.sum(np.hanning(size) ** 2)
     spectra = {
         "frequency": frequency[inside],
-        "position": np.mean(np.abs(position) ** 2, axis=0) / density,
-        "torque": np.mean(np.abs(torque) ** 2, axis=0) / density,
+        "position": mean_power(position) / density,
+        "torque": mean_power(torque) / density,
         "coherence": coherence(position, torque),
     }
     references = select_references(records)
     if references:
-        spectra["reference_coherence"] = coherence(transform(references), position)
+        reference = segment_spectra(references, *segments)[:, inside]
+        spectra["reference_coherence"] = coherence(reference, position)
     return spectra
 
 

@@ -240,14 +240,25 @@ def pass_bands(sizes: Sequence[int], rate: float) -> Band | Bands:
     return parts[0] if len(parts) == 1 else Bands(parts)
 
 
-def segment_spectra(x: np.ndarray, length: int, step: int) -> np.ndarray:
-    """Fourier transforms of segments of a record, each less its mean and under a Hann window.
+def segment_spectra(records: Sequence[np.ndarray], length: int, step: int) -> np.ndarray:
+    """Fourier transforms of segments of records that are long enough, each less its mean and under a Hann window.
 
-    Shapes: x (N,); returns (segments, length // 2 + 1).
+    Shapes: records (N,); returns (segments, length // 2 + 1).
     """
-    segments = np.lib.stride_tricks.sliding_window_view(x, length)[::step]
+    segments = np.concatenate(
+        [
+            np.lib.stride_tricks.sliding_window_view(record, length)[::step]
+            for record in records
+            if record.size >= length
+        ]
+    )
     deviations = segments - segments.mean(axis=1, keepdims=True)
     return rfft(deviations * np.hanning(length), axis=1)
+
+
+def mean_power(spectra: np.ndarray) -> np.ndarray:
+    """Mean squared magnitude over segments, shape (F,)."""
+    return np.mean(np.abs(spectra) ** 2, axis=0)
 
 
 def coherence(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -256,9 +267,7 @@ def coherence(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     Shapes: x, y (segments, F); returns (F,).
     """
     cross = np.mean(x * y.conj(), axis=0)
-    power_x = np.mean(np.abs(x) ** 2, axis=0)
-    power_y = np.mean(np.abs(y) ** 2, axis=0)
-    return np.abs(cross) ** 2 / np.maximum(power_x * power_y, TINY)
+    return np.abs(cross) ** 2 / np.maximum(mean_power(x) * mean_power(y), TINY)
 
 
 def smooth(power: np.ndarray, width: float) -> np.ndarray:
