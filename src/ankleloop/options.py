@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import cache, partial
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
+from typing import Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,8 +22,8 @@ from pydantic import (
     BaseModel,
     ConfigDict,
     Field,
-    TypeAdapter,
     ValidationError,
+    create_model,
     model_validator,
 )
 
@@ -41,7 +41,6 @@ KINDS = {
     "model": "a mapping of keys to values",
 }
 BOUNDS = ("ge", "le", "gt", "lt")
-STRICT = ConfigDict(strict=True, allow_inf_nan=False)
 LARGEST_MEMORY = 64 * 2**30  # bytes, of a machine that does not state its memory
 
 _SHORT = reprlib.Repr()
@@ -94,7 +93,7 @@ class Options(BaseModel):
     ValueError: the window: length must be above 0 and at most 60 s, got 0.0.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", **STRICT)
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
     integers: ClassVar[frozenset[str]] = frozenset()  # names of the fields that are whole numbers
 
     @classmethod
@@ -191,21 +190,20 @@ class Options(BaseModel):
     @classmethod
     def unit(cls, name: str) -> str:
         """Unit of a field, "1" where it has none."""
-        if name not in cls.model_fields:
-            return "1"
-        extra = cls.model_fields[name].json_schema_extra
-        return str(extra.get("unit", "1")) if isinstance(extra, dict) else "1"
+        field = cls.model_fields.get(name)
+        extra: Any = field and field.json_schema_extra
+        return str((extra or {}).get("unit", "1"))
 
     @classmethod
     def limits(cls, name: str) -> dict[str, float]:
         """Bounds of a field by the names that `option` has for them; none for an unknown field."""
-        bounds = {}
-        if name in cls.model_fields:
-            for item in cls.model_fields[name].metadata:
-                for bound in BOUNDS:
-                    if hasattr(item, bound):
-                        bounds[bound] = getattr(item, bound)
-        return bounds
+        field = cls.model_fields.get(name)
+        return {
+            bound: getattr(item, bound)
+            for item in (field.metadata if field else ())
+            for bound in BOUNDS
+            if hasattr(item, bound)
+        }
 
     @classmethod
     def numpydoc(cls) -> str:
@@ -279,7 +277,12 @@ def describe_error(error: Mapping[str, Any], unit: str, limits: Mapping[str, flo
         return str(context["error"])
     expected = "a finite number" if kind == "finite_number" else KINDS.get(kind.partition("_")[0])
     if expected and kind.endswith(("_number", "_type")):
-        return f"must be {describe_kind(expected, unit, limits)}, got {value}"
+        words = describe_limits(unit, **limits)
+        if words.startswith("at "):
+            words = f"of {words}"
+        elif unit != "1" and not words:
+            words = f"[{unit}]"
+        return f"must be {expected} {words}".rstrip() + f", got {value}"
     return f"is not usable, {error['msg'][0].lower()}{error['msg'][1:]}: got {value}"
 
 
@@ -314,11 +317,7 @@ def _show_limit(limit: float) -> str:
 
 def as_plain(value: Any) -> Any:
     """A scalar of numpy as the number, flag or text of Python that it is; anything else unchanged."""
-    if (
-        type(value).__module__ == "numpy"
-        and hasattr(value, "item")
-        and getattr(value, "ndim", None) == 0
-    ):
+    if isinstance(value, np.generic | np.ndarray) and value.ndim == 0:
         return value.item()
     return value
 
@@ -327,14 +326,8 @@ def check_argument(
     kind: Any, owner: str, name: str, value: Any, unit: str = "1", **limits: float
 ) -> Any:
     """Check an argument as a field of `Options` of this kind and with these limits is checked."""
-    plain = as_plain(value)
-    if kind is int and type(plain) is float and plain.is_integer():
-        plain = int(plain)
-    try:
-        return _adapter(kind, tuple(limits.items())).validate_python(plain)
-    except ValidationError as error:
-        fault = describe_error(error.errors()[0], unit, limits)
-        raise ValueError(f"{owner}: {name} {fault}.") from None
+    model = _make_model(kind, name, unit, tuple(limits.items()))
+    return getattr(model.parse(owner, **{name: value}), name)
 
 
 check_number = partial(check_argument, float)
@@ -343,19 +336,11 @@ check_flag = partial(check_argument, bool)
 
 
 @cache
-def _adapter(kind: Any, limits: tuple[tuple[str, float], ...]) -> TypeAdapter[Any]:
-    """Validator of arguments, which takes as long to make as to use a thousand times."""
-    return TypeAdapter(Annotated[kind, Field(**dict(limits))], config=STRICT)
-
-
-def describe_kind(kind: str, unit: str, limits: Mapping[str, float]) -> str:
-    """Kind of a value with its limits: "a whole number between 1 and 20"; either may be missing."""
-    words = describe_limits(unit, **limits)
-    if not kind:
-        return words
-    if not words:
-        return kind if unit == "1" else f"{kind} [{unit}]"
-    return f"{kind} of {words}" if words.startswith("at ") else f"{kind} {words}"
+def _make_model(kind: Any, name: str, unit: str, limits: tuple[tuple[str, float], ...]) -> Any:
+    """Options of one argument, which take as long to make as to use a hundred times."""
+    return create_model(
+        "Argument", __base__=Options, **{name: (kind, option(unit=unit, **dict(limits)))}
+    )
 
 
 def check_path(owner: str, name: str, value: Any) -> Path:
