@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
@@ -199,24 +198,8 @@ def render_figure(figure: Figure, dots_per_inch: float, suffix: str = ".png") ->
     """Draw a figure as a picture, the same bytes for the same data."""
     stream = BytesIO()
     with matplotlib.rc_context(STYLE):
-        if suffix == ".png":
-            _draw_once(figure, dots_per_inch, stream)
-        else:
-            figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, metadata=METADATA[suffix])
+        figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, metadata=METADATA[suffix])
     return stream.getvalue()
-
-
-def _draw_once(figure: Figure, dots_per_inch: float, stream: BytesIO) -> None:
-    """Draw a figure as PNG; `savefig` would draw it twice, first for the layout, which every drawing makes anyway."""
-    usual_canvas = figure.canvas
-    usual_dots = figure.dpi
-    canvas = FigureCanvasAgg(figure)
-    try:
-        figure.dpi = dots_per_inch
-        canvas.print_png(stream, metadata=METADATA[".png"])
-    finally:
-        figure.dpi = usual_dots
-        figure.set_canvas(usual_canvas)
 
 
 def save_figure(figure: Figure, stem: str | Path, *, overwrite: bool = False) -> None:

@@ -1,12 +1,8 @@
-from io import BytesIO
-
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ankleloop.plotting.panels import panel_grid
-from ankleloop.plotting.style import STYLE, DataFigure, render_figure, save_figure
+from ankleloop.plotting.style import DataFigure, save_figure
 
 
 def test_equal_figures_give_equal_bytes(tmp_path):
@@ -19,18 +15,6 @@ def test_equal_figures_give_equal_bytes(tmp_path):
             tmp_path / f"second{suffix}"
         ).read_bytes()
     assert len(list(tmp_path.iterdir())) == 4
-
-
-def test_a_picture_is_that_of_savefig_and_leaves_the_figure_as_it_was():
-    figure = panel_grid(2, 2, 40.0)
-    figure.axes[0].plot([1.0, 2.0], [10.0, 2000.0])
-    usual = (figure.canvas, figure.dpi)
-    picture = render_figure(figure, 60)
-    assert (figure.canvas, figure.dpi) == usual
-    stream = BytesIO()
-    with matplotlib.rc_context(STYLE):
-        figure.savefig(stream, dpi=60, metadata={"Software": None})
-    assert picture == stream.getvalue()
 
 
 def test_the_numbers_of_a_figure_are_written_beside_it(tmp_path):
