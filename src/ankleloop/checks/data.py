@@ -22,7 +22,7 @@ from ankleloop.checks.movement import (
     reference_correlations,
     regress_torque_by_reference,
 )
-from ankleloop.checks.reference import find_reference_faults
+from ankleloop.checks.reference import find_reference_fault
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Grid, Regressors
@@ -57,10 +57,10 @@ def check_data(
     for number, trial in enumerate(trials, 1):
         findings = [
             *_find_faults(trial, delay, identification_rate, reference or "reference"),
-            *find_reference_faults(trial, reference, delay),
+            find_reference_fault(trial, reference, delay),
         ]
         place = name_trial(number, len(trials))
-        warnings += [f"{place}{finding.text}" for finding in findings]
+        warnings += [f"{place}{finding.text}" for finding in findings if finding]
     if reference and reference != "position":
         warnings += _check_references(trials, reference, delay, identification_rate)
     if warnings:  # what a fault of a channel excites, or does not, says little

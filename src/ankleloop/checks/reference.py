@@ -13,7 +13,7 @@ from ankleloop.checks.movement import check_reference
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Grid, Regressors
-from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.least_squares import unexplained_share
 from ankleloop.signals.responses import lag_matrix
 
 EXCHANGE_RATE = (
@@ -35,29 +35,29 @@ BY_POSITION = 0.2  # times what the position leaves of it, at most: without nois
 BY_BOTH = 0.25  # times as much, at least, is left by torque and position together: a command is made of both
 
 
-def find_reference_faults(
+def find_reference_fault(
     trial: PreparedTrial, reference: str | None, delay: float = 0.04
-) -> list[Finding]:
-    """Faults of the reference of a trial; each is computed once for all methods that take it."""
+) -> Finding | None:
+    """What is wrong with the reference of a trial, if anything; computed once for all methods that take it."""
     name = reference or "reference"
     if name == "position" or name not in trial.trial:
-        return []  # without the variable the method says so itself
+        return None  # without the variable the method says so itself
     try:
         factor = max(1, round(trial.rate / EXCHANGE_RATE))
         grid = trial.grid(trial.rate / factor, delay)
     except DataError:  # of a very short trial the method says so itself
-        return []
-    exchange = check_exchange(trial, name, grid)
-    if reference is None and exchange.verdict == "ok":
-        return []
-    filtered = check_filtered_torque(trial, name, grid)  # it can look early as well
-    if filtered.verdict != "ok":
-        return [] if reference is None else [filtered]
-    return [] if exchange.verdict == "ok" else [exchange]
+        return None
+    exchange = find_exchange(trial, name, grid)
+    if reference is None and exchange is None:
+        return None
+    filtered = find_filtered_torque(trial, name, grid)  # it can look early as well
+    if filtered is None:
+        return exchange
+    return None if reference is None else filtered
 
 
 @once
-def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
+def find_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding | None:
     """Whether the position follows the reference; if it is ahead of it, the two may be exchanged.
 
     The actuator and the load are causal: what they do to the command comes later. The sum over the cross spectrum,
@@ -67,7 +67,6 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
 
     Behind an actuator that is faster than the record shows (200 Hz and more) there is no lag, and nothing is said.
     """
-    ok = Finding("reference", "ok", f"the position is not ahead of {name}.")
     deviation = 1.0 / sqrt(grid.samples)
     reference = trial.channel(name, grid)
     rate = reference[2:] - reference[:-2]
@@ -76,9 +75,9 @@ def check_exchange(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
     # Positive where the position is the later one.
     correlation = (rate @ acceleration) / sqrt(energy) if energy > 0.0 else 0.0
     if correlation > -CHANCE_DEVIATIONS * deviation:
-        return ok
+        return None
     if not _needs_leads(reference, trial.motion(grid)[1], trial.rate / grid.factor):
-        return ok
+        return None
     text = (
         f"the position is ahead of {name} (correlation of its acceleration with the rate of {name}: "
         f"{correlation:.2g}), but a position comes after its command. Are position and {name} exchanged, or was {name} "
@@ -94,23 +93,15 @@ def _needs_leads(reference: np.ndarray, velocity: np.ndarray, rate: float) -> bo
     """
     leads = round(COMMAND_LEADS * rate)
     lags = round(COMMAND_LAGS * rate)
-    columns = lag_matrix(reference - reference.mean(), leads, lags)
-    columns = columns - columns.mean(axis=0)
+    columns = lag_matrix(reference, leads, lags)
     target = velocity[lags : velocity.size - leads]
-    normal = columns.T @ columns
-    normal += COMMAND_RIDGE * normal[0, 0] * np.eye(len(normal))
-    right = columns.T @ (target - target.mean())
-    rests = []
-    for kept in (slice(leads, None), slice(None)):
-        taps = np.linalg.solve(normal[kept, kept], right[kept])
-        residual = target - columns[:, kept] @ taps
-        rests.append(np.var(residual))
-    by_lags, by_both = rests
-    return bool(by_lags - by_both > LEAD_SHARE * by_both)
+    by_lags = unexplained_share(columns[:, leads:], target, COMMAND_RIDGE)
+    by_both = unexplained_share(columns, target, COMMAND_RIDGE)
+    return by_lags - by_both > LEAD_SHARE * by_both
 
 
 @once
-def check_filtered_torque(trial: PreparedTrial, name: str, grid: Grid) -> Finding:
+def find_filtered_torque(trial: PreparedTrial, name: str, grid: Grid) -> Finding | None:
     """Whether the reference is a filter of the torque, which is no instrument: it has all the noise of the torque.
 
     Leads and lags of the torque explain a filter of it without a rest. Three cases look alike, and are told apart:
@@ -124,22 +115,21 @@ def check_filtered_torque(trial: PreparedTrial, name: str, grid: Grid) -> Findin
 
     A steep low-pass below 5 Hz responds for longer than the leads and lags: it need not be recognised.
     """
-    ok = Finding("reference", "ok", f"{name} is no filter of the torque.")
     rate = trial.rate / grid.factor
     leads = round(FILTER_LEADS * rate)
     lags = round(FILTER_LAGS * rate)
     if grid.samples < SHORTEST_FILTERED * (leads + lags + 1):
-        return ok
+        return None
     torque = trial.channel("torque", grid)
     reference = trial.channel(name, grid)
     by_torque = _unexplained_share([torque], reference, leads, lags)
     if by_torque > FILTERED_SHARE:
-        return ok
+        return None
     position = trial.motion(grid)[0]
     by_position = _unexplained_share([position], reference, leads, lags)
     by_both = _unexplained_share([torque, position], reference, leads, lags)
     if by_torque > BY_POSITION * by_position or by_both < BY_BOTH * by_torque:
-        return ok
+        return None
     text = (
         f"{name} is a filter of the torque: leads and lags of the torque explain {100.0 * (1.0 - by_torque):.3g} % of "
         f"it, those of the position {100.0 * (1.0 - by_position):.3g} %. It has the noise of the torque and is no "
@@ -152,21 +142,12 @@ def _unexplained_share(
     signals: Sequence[np.ndarray], y: np.ndarray, leads: int, lags: int
 ) -> float:
     """Share of the variance of a signal that leads and lags of others leave, in a part in the middle of the record."""
-    taps = leads + lags + 1
-    samples = min(y.size, FILTER_ROWS * taps * len(signals) + leads + lags)
+    taps = (leads + lags + 1) * len(signals)
+    samples = min(y.size, FILTER_ROWS * taps + leads + lags)
     first = (y.size - samples) // 2
     middle = slice(first, first + samples)
-    target = y[middle][lags : samples - leads]
-    target = target - target.mean()
-    energy = target @ target
-    if not energy > 0.0:
-        return 1.0
-    lagged = lag_matrix(np.column_stack([signal[middle] for signal in signals]), leads, lags)
-    lagged = lagged - lagged.mean(axis=0)
-    products = lagged.T @ target
-    power = np.repeat([np.var(signal) for signal in signals], taps)
-    gram = lagged.T @ lagged + np.diag(FILTER_RIDGE * target.size * power)
-    return 1.0 - (products @ solve_scaled(gram, products)) / energy
+    lagged = lag_matrix(np.column_stack(signals)[middle], leads, lags)
+    return unexplained_share(lagged, y[middle][lags : samples - leads], FILTER_RIDGE)
 
 
 def check_instrument(
@@ -182,9 +163,9 @@ def check_instrument(
         return False, Finding("reference", "warning", text)
     finding = check_reference(records)
     if finding.verdict == "ok":
-        faults = [find_reference_faults(trial, name, delay) for trial in trials]
+        faults = [find_reference_fault(trial, name, delay) for trial in trials]
         if any(faults):
-            finding = merge_findings([next(iter(of_trial), finding) for of_trial in faults])
+            finding = merge_findings([fault or finding for fault in faults])
     if finding.verdict == "ok":
         return True, finding
     # Without a reference the recording may still be identified as one in open loop.

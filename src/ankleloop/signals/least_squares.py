@@ -31,6 +31,24 @@ def solve_scaled(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     return (solution.T * scale).T
 
 
+def unexplained_share(columns: np.ndarray, target: np.ndarray, ridge: float) -> float:
+    """Share of the variance of a target that columns leave, all less their means; all of it of a constant target.
+
+    The ridge is a share of the power of each column.
+
+    Shapes: columns (N, k), target (N,).
+    """
+    columns = columns - columns.mean(axis=0)
+    target = target - target.mean()
+    power = target @ target
+    if not power > 0.0:
+        return 1.0
+    normal = columns.T @ columns
+    normal += ridge * np.diag(normal.diagonal())
+    right = columns.T @ target
+    return float(1.0 - right @ solve_scaled(normal, right) / power)
+
+
 def invert_scaled(normal: np.ndarray) -> np.ndarray:
     """Inverse of normal equations as `solve_scaled` solves them, shape (k, k)."""
     return solve_scaled(normal, np.eye(len(normal)))
