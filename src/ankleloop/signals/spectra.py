@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import accumulate
 
 import numpy as np
 from scipy.fft import irfft, rfft
@@ -24,16 +25,6 @@ class Band:
     rate: float  # sampling rate [Hz]
     lowest: float  # lower edge of the band [Hz]
     highest: float  # upper edge of the band [Hz]
-
-    @property
-    def parts(self) -> tuple[Band, ...]:
-        """The band of each record: this one."""
-        return (self,)
-
-    @property
-    def longest(self) -> Band:
-        """The band of the longest record: this one."""
-        return self
 
     @cached_property
     def taper(self) -> np.ndarray:
@@ -84,17 +75,6 @@ class Band:
         transform[..., self.bins] = spectra
         return irfft(transform, self.samples, axis=-1)
 
-    def centre(self, x: np.ndarray) -> np.ndarray:
-        """A signal less its mean, shape (samples,)."""
-        return x - x.mean()
-
-    def contributions(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """What each time contributes to the products of spectra, of which the sum over frequencies has the real part.
-
-        Shapes: first, second (..., frequencies); returns (..., samples).
-        """
-        return 0.5 * self.samples * (self.signals(first) * self.signals(second))
-
     def correlate(self, cross: np.ndarray, reach: int) -> np.ndarray:
         """Sums of cross spectra at lags that are 1/(2 b) apart in a band of width b, shape (2 reach + 1,)."""
         size = 2 * self.bins.stop
@@ -107,10 +87,6 @@ class Band:
         Shapes: power (frequencies,); returns (frequencies,).
         """
         return smooth(power, resolution * self.samples / self.rate)
-
-    def average(self, power: np.ndarray, resolution: float) -> np.ndarray:
-        """Smoothed periodogram as a power spectral density."""
-        return self.smooth(power, resolution) / self.density
 
     def smoothing_variance(self, resolution: float) -> float:
         """Variance of a smoothed periodogram over its square."""
@@ -163,7 +139,7 @@ class Bands:
 
         Shapes: x (..., samples); returns (..., frequencies).
         """
-        pairs = self._split(x, [part.samples for part in self.parts])
+        pairs = self._split_samples(x)
         return np.concatenate([part.transform(values) for part, values in pairs], axis=-1)
 
     def signals(self, spectra: np.ndarray) -> np.ndarray:
@@ -173,14 +149,15 @@ class Bands:
 
     def centre(self, x: np.ndarray) -> np.ndarray:
         """A signal less its mean in each record, shape (samples,)."""
-        pairs = self._split(x, [part.samples for part in self.parts])
-        return np.concatenate([part.centre(values) for part, values in pairs])
+        return np.concatenate([values - values.mean() for _, values in self._split_samples(x)])
 
     def contributions(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """What each time contributes to the products of spectra, shape (..., samples)."""
-        pairs = zip(self._split_spectra(first), self._split_spectra(second), strict=True)
-        products = [part.contributions(one, other) for (part, one), (_, other) in pairs]
-        return np.concatenate(products, axis=-1)
+        """What each time contributes to the products of spectra, of which the sum over frequencies has the real part.
+
+        Shapes: first, second (..., frequencies); returns (..., samples).
+        """
+        sizes = [part.samples for part in self.parts]
+        return 0.5 * np.repeat(sizes, sizes) * (self.signals(first) * self.signals(second))
 
     def correlate(self, cross: np.ndarray, reach: int) -> np.ndarray:
         """Sums of cross spectra at lags that are 1/(2 b) apart in a band of width b, shape (2 reach + 1,)."""
@@ -200,9 +177,10 @@ class Bands:
         frequency = self.longest.frequency
         total = np.zeros(frequency.size)
         for part, values in self._split_spectra(power):
-            density = part.average(values, resolution)
-            total += part.samples * np.interp(frequency, part.frequency, density)
-        return total / self.samples
+            density = part.smooth(values, resolution) / part.density
+            share = part.samples / self.samples
+            total += share * np.interp(frequency, part.frequency, density)
+        return total
 
     def smooth(self, power: np.ndarray, resolution: float) -> np.ndarray:
         """Smooth the mean periodogram, shape (frequencies,)."""
@@ -218,14 +196,21 @@ class Bands:
         variances = [part.smoothing_variance(resolution) for part in self.parts]
         return float(np.sum(shares**2 * variances))
 
+    def _split_samples(self, x: np.ndarray) -> list[tuple[Band, np.ndarray]]:
+        """Each band with the signals of its record."""
+        return self._split(x, [part.samples for part in self.parts])
+
     def _split_spectra(self, spectra: np.ndarray) -> list[tuple[Band, np.ndarray]]:
         """Each band with the spectra of its record."""
         return self._split(spectra, [part.frequency.size for part in self.parts])
 
     def _split(self, values: np.ndarray, sizes: Sequence[int]) -> list[tuple[Band, np.ndarray]]:
         """Each band with its part of values along their last axis."""
-        parts = np.split(values, np.cumsum(sizes)[:-1], axis=-1)
-        return list(zip(self.parts, parts, strict=True))
+        stops = accumulate(sizes)
+        return [
+            (part, values[..., stop - size : stop])
+            for part, size, stop in zip(self.parts, sizes, stops, strict=True)
+        ]
 
 
 @lru_cache(maxsize=8)
@@ -234,10 +219,9 @@ def pass_band(samples: int, rate: float) -> Band:
     return Band(samples, rate, lowest=LOWEST_FREQUENCY, highest=PASSBAND * rate)
 
 
-def pass_bands(sizes: Sequence[int], rate: float) -> Band | Bands:
+def pass_bands(sizes: Sequence[int], rate: float) -> Bands:
     """The band of an identification from records of so many samples."""
-    parts = tuple(pass_band(samples, rate) for samples in sizes)
-    return parts[0] if len(parts) == 1 else Bands(parts)
+    return Bands(tuple(pass_band(samples, rate) for samples in sizes))
 
 
 def segment_spectra(records: Sequence[np.ndarray], length: int, step: int) -> np.ndarray:
@@ -276,10 +260,12 @@ def smooth(power: np.ndarray, width: float) -> np.ndarray:
     Shapes: power (F,); returns (F,).
     """
     window = _window(width, power.size)
-    mirrored = np.pad(power, window.size // 2, mode="reflect")
+    half = window.size // 2
+    mirrored = np.concatenate([power[half:0:-1], power, power[-2 : -half - 2 : -1]])
     return np.convolve(mirrored, window, mode="valid")
 
 
+@lru_cache(maxsize=64)
 def _window(width: float, size: int) -> np.ndarray:
     """Hann window of unit sum, no longer than the periodogram allows."""
     half = int(min(max(4, round(width)), size - 1))
