@@ -64,24 +64,18 @@ def test_a_stiff_servo_is_open_in_a_short_record_too(voluntary, duration):
 
 
 @pytest.mark.parametrize("duration", [6.0, 8.0])
-@pytest.mark.parametrize("closed_loop", [True, False])
-def test_few_segments_are_an_error_that_says_what_is_needed(duration, closed_loop):
+def test_few_segments_are_an_error_that_says_what_is_needed(duration):
     with pytest.raises(DataError, match=r"the test needs 4: record \d\S* s more") as error:
-        run_feedback_test(simulate(seed=1, duration=duration, closed_loop=closed_loop))
+        run_feedback_test(simulate(seed=1, duration=duration))
     missing = float(str(error.value).split()[-3])
-    trial = simulate(seed=1, duration=duration + missing + 0.05, closed_loop=closed_loop)
-    assert run_feedback_test(trial).loop == ("closed" if closed_loop else "open")
-    with pytest.raises(DataError, match="are needed: record longer"):
-        run_feedback_test(simulate(seed=1, duration=5.0, closed_loop=closed_loop))
+    assert run_feedback_test(simulate(seed=1, duration=duration + missing + 0.05)).loop == "closed"
 
 
 def test_short_trials_are_tested_together():
     """Each alone has too few segments."""
     for closed_loop, loop in ((True, "closed"), (False, "open")):
         trials = [simulate(seed=seed, duration=6.0, closed_loop=closed_loop) for seed in range(6)]
-        test = run_feedback_test(*trials)
-        assert test.loop == loop
-        assert test.duration == 24.0
+        assert run_feedback_test(*trials).loop == loop
 
 
 @pytest.mark.parametrize(("stiffer", "voluntary"), [(10, 1.0), (30, 1.0), (100, 1.0)])

@@ -13,14 +13,8 @@ from ankleloop.checks.movement import (
     check_size,
     check_velocity,
     motion_products,
-    reference_correlations,
 )
 from ankleloop.joint.prepared import prepare
-
-
-@pytest.fixture(scope="module")
-def trial():
-    return simulate(seed=1, duration=20.0)
 
 
 def products(trial):
@@ -30,16 +24,6 @@ def products(trial):
 
 def scale_of(trial):
     return check_scale(prepare(trial), products(trial))
-
-
-def test_least_squares_by_products_is_least_squares(trial):
-    motion = products(trial)
-    signals = motion.signals.T
-    values, residual, *_ = np.linalg.lstsq(signals[:, :3], signals[:, 3], rcond=None)
-    np.testing.assert_allclose(motion.stiffness, values, rtol=1e-8)
-    assert motion.explained == pytest.approx(
-        1.0 - residual[0] / np.sum(signals[:, 3] ** 2), abs=1e-9
-    )
 
 
 def test_a_torque_without_noise_is_explained():
@@ -68,18 +52,6 @@ def test_records_excite_together():
     assert check_excitation(parts, 2, 15).verdict == "ok"
     assert check_excitation([np.random.default_rng(1).standard_normal(3000)], 2, 15).verdict == "ok"
     assert "too few" in check_excitation([t[:60]], 2, 15).text
-
-
-def test_correlations_of_the_reference_against_numpy(trial):
-    motion = products(trial)
-    reference = prepare(trial).channel("reference", motion.grid)
-    later, position, torque = reference_correlations(prepare(trial), motion.grid, "reference")
-    matrix = np.corrcoef([reference, motion.signals[0], motion.signals[3]]) ** 2
-    assert (position, torque) == pytest.approx((matrix[0, 1], matrix[0, 2]), abs=1e-9)
-    shifted = [
-        np.corrcoef(reference[:-lag], motion.signals[0, lag:])[0, 1] ** 2 for lag in range(1, 11)
-    ]
-    assert later == pytest.approx(max(position, *shifted), abs=0.02)
 
 
 def test_the_scale_of_a_channel():

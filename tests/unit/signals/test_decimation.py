@@ -36,35 +36,6 @@ def test_sinusoids_that_would_alias_are_removed(frequency, derivative):
     assert np.max(np.abs(output)) < 1e-4 * w**derivative
 
 
-@pytest.mark.parametrize("rate", [100.0, 1000.0, 2500.0])
-def test_decimated_derivatives_are_the_derivatives_of_the_decimated_signal(rate):
-    """In the band, over whole periods, the derivative of the decimated samples is known from their spectrum."""
-    rng = np.random.default_rng(2)
-    harmonics = (
-        np.arange(1, 38) * rate / 1000.0
-    )  # to 0.37 of the identification rate, ten times slower than `rate`
-    phases, levels = rng.uniform(0, 2 * np.pi, (2, harmonics.size))
-    time = np.arange(4000) / rate
-    x = np.sin(2 * np.pi * np.outer(time, harmonics) + phases) @ levels
-    signal, velocity, acceleration = (
-        decimate(x, 10, 1000, 200, rate=rate, derivative=d) for d in range(3)
-    )
-    s = 2j * np.pi * np.fft.rfftfreq(200, 10 / rate)
-    for output, d in ((velocity, 1), (acceleration, 2)):
-        expected = np.fft.irfft(s**d * np.fft.rfft(signal), 200)
-        assert np.max(np.abs(output - expected)) < 1e-4 * np.max(np.abs(expected))
-
-
-def test_constants_and_ramps():
-    np.testing.assert_allclose(decimate(np.full(5000, 3.0), FACTOR, FIRST, COUNT), 3.0, rtol=1e-12)
-    np.testing.assert_allclose(
-        decimate(2 * TIME, FACTOR, FIRST, COUNT), 2 * DECIMATED_TIME, atol=1e-10
-    )
-    np.testing.assert_allclose(
-        decimate(2 * TIME, FACTOR, FIRST, COUNT, rate=RATE, derivative=1), 2.0, rtol=1e-5
-    )
-
-
 def test_the_margin_is_sufficient_and_necessary():
     margin = decimation_margin(FACTOR)
     x = np.random.default_rng(0).standard_normal(2 * margin + 1)

@@ -5,7 +5,7 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import DataError
-from ankleloop.signals.responses import apply_response, fit_finite_response, predict_decimated
+from ankleloop.signals.responses import fit_finite_response, predict_decimated
 
 
 def test_a_finite_response_in_coloured_noise():
@@ -19,15 +19,6 @@ def test_a_finite_response_in_coloured_noise():
     np.testing.assert_allclose(taps, truth, atol=0.1)
     with pytest.raises(DataError, match="too short for a response"):
         fit_finite_response([y[:20]], [x[:20]], 100.0)
-
-
-def test_a_response_is_applied_with_its_leads():
-    rng = np.random.default_rng(6)
-    x = rng.standard_normal(50) + 3.0
-    taps = np.array([0.5, 0.0, 1.0, -0.25])  # two leads, the present, one lag
-    padded = np.pad(x - x.mean(), 2)
-    expected = [0.5 * padded[t + 4] + padded[t + 2] - 0.25 * padded[t + 1] for t in range(50)]
-    np.testing.assert_allclose(apply_response(taps, x, leads=2), expected, atol=1e-12)
 
 
 def test_the_prediction_keeps_the_delay_of_the_signal():

@@ -50,7 +50,3 @@ def test_the_first_fault_is_named(size, faults, gap, rate):
 def test_a_single_time_has_no_rate():
     with pytest.raises(DataError, match="x: t has 1 sample: a trial needs at least 2"):
         compute_rate(np.zeros(1), source="x", name="t")
-
-
-def test_two_times_have_a_rate():
-    assert compute_rate(np.array([0.0, 0.01]), source="x") == 100.0
