@@ -25,11 +25,10 @@ class Quantity:
         return f"{self.symbol} [{self.unit}]"
 
 
-def _score(symbol: str) -> Quantity:
-    return Quantity(symbol, symbol, "%", goal="high")
-
-
-def _number(symbol: str, unit: str = "1", goal: Literal["zero", "low"] | None = None) -> Quantity:
+def _number(
+    symbol: str, unit: str = "1", goal: Literal["high", "zero", "low"] | None = None
+) -> Quantity:
+    """A quantity that is called as it is written."""
     return Quantity(symbol, symbol, unit, goal=goal)
 
 
@@ -50,14 +49,14 @@ PARAMETERS = {
 SETTINGS = {name: quantity.setting for name, quantity in PARAMETERS.items() if quantity.setting}
 # Scores of recordings, whose parts are contributions to the measured torque.
 CONTRIBUTIONS = {
-    "vaf_unseen": _score("net VAF, unseen half"),
-    "vaf_net": _score("net VAF"),
-    "vaf_intrinsic": _score("intrinsic contribution"),
-    "vaf_reflex": _score("reflex contribution"),
+    "vaf_unseen": _number("net VAF, unseen half", "%", "high"),
+    "vaf_net": _number("net VAF", "%", "high"),
+    "vaf_intrinsic": _number("intrinsic contribution", "%", "high"),
+    "vaf_reflex": _number("reflex contribution", "%", "high"),
 }
 # Scores of simulated trials, errors of their parameters in per cent of the truth, and shares of trials with a fault.
 SCORES = {
-    f"vaf_{torque}_{against}": _score(f"{torque} VAF, {against}")
+    f"vaf_{torque}_{against}": _number(f"{torque} VAF, {against}", "%", "high")
     for torque in ("net", "intrinsic", "reflex")
     for against in ("measured", "true")
 }
@@ -71,20 +70,23 @@ DIAGNOSTICS = {
     "spectral_radius": _number("spectral radius"),
     "pole_error": _number("pole error", goal="low"),
     "in_band_snr_db": _number("in-band SNR", "dB"),
-    "unseen_instrumental": _score("instrumental VAF, unseen"),
-    "unseen_cross_validation": _score("net VAF, unseen"),
+    "unseen_instrumental": _number("instrumental VAF, unseen", "%", "high"),
+    "unseen_cross_validation": _number("net VAF, unseen", "%", "high"),
     "cycles": _number("cycles"),
     "variation_p": _number("p of the variation"),
 }
-TRAJECTORY_SCORES = (
-    {f"{name}_nrmse": _number(f"error of {name}(·)", "%", "low") for name in TRAJECTORIES}
-    | {f"{name}_bias": _number(f"bias of {name}(·)", "%", "zero") for name in TRAJECTORIES}
-    | {
-        f"{name}_covered": _number(f"covered by the band of {name}(·)", "%")
-        for name in TRAJECTORIES
-    }
-    | {f"{name}_rise": _number(f"rise time of {name}(·)", "s") for name in TRAJECTORIES}
-)
+# Of a trajectory: what its score is called, its unit, and its goal.
+_TRAJECTORY = {
+    "nrmse": ("error of", "%", "low"),
+    "bias": ("bias of", "%", "zero"),
+    "covered": ("covered by the band of", "%", None),
+    "rise": ("rise time of", "s", None),
+}
+TRAJECTORY_SCORES = {
+    f"{name}_{score}": _number(f"{words} {name}(·)", unit, goal)
+    for score, (words, unit, goal) in _TRAJECTORY.items()
+    for name in TRAJECTORIES
+}
 FAULTS = {
     "failures": _number("failed trials", "%", "low"),
     "warnings": _number("trials with a warning", "%", "low"),
