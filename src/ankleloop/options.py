@@ -230,20 +230,18 @@ def show_fields(options: type[Options]) -> Callable[[Function], Function]:
 
     def decorate(function: Function) -> Function:
         signature = inspect.signature(function)
-        parameters = {
-            name: parameter
-            for name, parameter in signature.parameters.items()
-            if parameter.kind is not parameter.VAR_KEYWORD
-        }
-        for name, field in options.model_fields.items():
-            keyword = inspect.Parameter(
+        *parameters, _ = signature.parameters.values()  # the last ones are the keywords
+        parameters += [
+            inspect.Parameter(
                 name,
                 inspect.Parameter.KEYWORD_ONLY,
                 default=field.default,
                 annotation=field.annotation,
             )
-            parameters.setdefault(name, keyword)
-        function.__signature__ = signature.replace(parameters=list(parameters.values()))  # type: ignore[attr-defined]  # PEP 362
+            for name, field in options.model_fields.items()
+            if name not in signature.parameters
+        ]
+        function.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]  # PEP 362
         return function
 
     return decorate
@@ -253,11 +251,10 @@ def type_name(annotation: Any) -> str:
     """The type of a field as numpydoc writes it."""
     if get_origin(annotation) is Literal:
         return "{" + ", ".join(map(repr, get_args(annotation))) + "}"
-    if get_origin(annotation) in (Union, UnionType):  # Union where one of the types is a Literal
-        return " or ".join(type_name(part) for part in get_args(annotation))
-    if annotation is NoneType:
-        return "None"
-    return getattr(annotation, "__name__", str(annotation))
+    members = union_members(annotation)
+    if len(members) > 1:
+        return " or ".join(map(type_name, members))
+    return "None" if annotation is NoneType else getattr(annotation, "__name__", str(annotation))
 
 
 def describe_error(error: Mapping[str, Any], unit: str, limits: Mapping[str, float]) -> str:
