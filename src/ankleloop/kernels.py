@@ -6,7 +6,6 @@ import hashlib
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -34,7 +33,7 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         try:
             compiled._cache = _KernelCache(function)
         except RuntimeError:  # of numba, that no folder can be written
-            _warn_once()
+            warnings.warn(NO_FOLDER, stacklevel=1)  # from here, so that Python shows it once
         return compiled
 
     return compile_function
@@ -45,11 +44,6 @@ def as_samples(x: np.ndarray) -> np.ndarray:
     samples = np.ascontiguousarray(x).view()
     samples.flags.writeable = False
     return samples
-
-
-@cache
-def _warn_once() -> None:
-    warnings.warn(NO_FOLDER, stacklevel=4)
 
 
 class _KernelCache(FunctionCache):
