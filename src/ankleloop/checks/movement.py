@@ -50,13 +50,12 @@ EXCITED_SHARE = 1e-6  # of the largest eigenvalue of the velocity's Hankel produ
 
 
 @dataclass(frozen=True, eq=False)
-class MotionProducts:
-    """Inner products of position, velocity, acceleration and torque of the decimated samples of a record."""
+class MotionFit:
+    """Movement and torque of the decimated samples of a record, and least squares of the torque on the movement."""
 
     grid: Grid  # its decimated samples
     # Shape (4, N): position, velocity, acceleration and torque, each less its mean.
     signals: np.ndarray
-    products: np.ndarray  # shape (4, 4): their inner products
     # Shape (3,): K, B and I of a model without a reflex by least squares.
     stiffness: np.ndarray
     explained: float  # share of the torque's variance that this model explains
@@ -64,20 +63,20 @@ class MotionProducts:
     @property
     def deviations(self) -> tuple[float, float]:
         """Standard deviations of position and torque."""
-        position, *_, torque = np.sqrt(self.products.diagonal() / self.grid.samples)
+        position, *_, torque = self.signals.std(axis=1)
         return position, torque
 
 
 @once
-def motion_products(trial: PreparedTrial, grid: Grid) -> MotionProducts:
-    """Products of a trial, and least squares of its torque on the movement; what is not shown is zero."""
+def motion_products(trial: PreparedTrial, grid: Grid) -> MotionFit:
+    """Least squares of the torque of a trial on its movement, by their inner products; what is not shown is zero."""
     signals = [*trial.motion(grid), trial.channel("torque", grid)]
     deviations = np.stack([signal - signal.mean() for signal in signals])
     products = deviations @ deviations.T
     right = products[:-1, -1]
     stiffness = solve_scaled(products[:-1, :-1], right)
     explained = (right @ stiffness) / products[-1, -1]
-    return MotionProducts(grid, deviations, products, stiffness, explained)
+    return MotionFit(grid, deviations, stiffness, explained)
 
 
 def select_references(records: Sequence[Regressors]) -> list[np.ndarray]:
@@ -107,7 +106,7 @@ def regress_torque_by_reference(projection: ReferenceProjection) -> list[tuple[n
     return fits
 
 
-def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
+def check_scale(trial: PreparedTrial, motion: MotionFit) -> Finding:
     """Position and torque that can be computed with, and that lie within the band of the identification."""
     for name, deviation in zip(REQUIRED, motion.deviations, strict=True):
         if not SMALLEST_DEVIATION < deviation < LARGEST_DEVIATION:
@@ -127,7 +126,7 @@ def check_scale(trial: PreparedTrial, motion: MotionProducts) -> Finding:
     )
 
 
-def check_size(motion: MotionProducts) -> Finding:
+def check_size(motion: MotionFit) -> Finding:
     """Position and torque of a size that a joint can have, in rad and N·m."""
     position, torque = motion.deviations
     ratio = torque / position if position > 0.0 else inf
@@ -222,7 +221,7 @@ def check_bandwidth(trial: PreparedTrial) -> Finding:
     return Finding("bandwidth", "warning", text)
 
 
-def check_relation(trial: PreparedTrial, motion: MotionProducts) -> Finding:
+def check_relation(trial: PreparedTrial, motion: MotionFit) -> Finding:
     """Torque that has something to do with the movement."""
     text = f"position, velocity and acceleration explain {100.0 * motion.explained:.2g} % of the torque"
     duration = trial.time.size / trial.rate
@@ -293,7 +292,6 @@ def reference_correlations(
     trial: PreparedTrial, grid: Grid, name: str
 ) -> tuple[float, float, float]:
     """Squared correlations of the reference: the largest with the position a little later, and those at once."""
-    motion = motion_products(trial, grid)
     rate = trial.rate / grid.factor
     lead = round(REFERENCE_LEAD * rate)
     lag = round(REFERENCE_LAG * rate)
@@ -301,13 +299,8 @@ def reference_correlations(
         return 0.0, 0.0, 0.0
     recorded = trial.channel(name, grid)
     reference = recorded - recorded.mean()
-    energy = reference @ reference
-    position_energy = energy * motion.products[0, 0]
-    torque_energy = energy * motion.products[MOTION, MOTION]
-    position, *_, torque = motion.signals
+    position, *_, torque = motion_products(trial, grid).signals
+    _, by_position, by_torque = np.corrcoef([reference, position, torque])[0] ** 2
     shifted = np.correlate(position, reference[lead : reference.size - lag], mode="valid")
-    return (
-        np.max(shifted**2) / position_energy,
-        (reference @ position) ** 2 / position_energy,
-        (reference @ torque) ** 2 / torque_energy,
-    )
+    later = np.max(shifted**2) / ((reference @ reference) * (position @ position))
+    return later, by_position, by_torque
