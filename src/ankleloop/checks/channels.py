@@ -101,8 +101,6 @@ def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
     x = trial.samples[name]
     shortest = SHORTEST_REST * trial.rate - 1
     repeats = np.flatnonzero(x[1:] == x[:-1])
-    if repeats.size < shortest:
-        return repeats[:0]
     starts, lengths = _find_runs(repeats)
     runs = np.stack([starts, starts + lengths + 1], axis=1)
     rests = runs[lengths >= shortest]
