@@ -229,7 +229,6 @@ def trajectories_figure(
     estimates: Mapping[str, Estimate],
     truths: xr.Dataset | None = None,
     *,
-    variable: str = "",
     styles: Styles | None = None,
     figure: Any = None,
 ) -> DataFigure:
@@ -246,7 +245,7 @@ def trajectories_figure(
     (dimension,) = dimensions
     first = next(iter(curves.values()))
     attributes = first[dimension].attrs
-    xlabel = variable or _label_abscissa(attributes["units"], attributes["long_name"])
+    xlabel = _label_abscissa(attributes["units"], attributes["long_name"])
     names = [name for name in TRAJECTORIES if any(name in part for part in curves.values())]
     panels = {name: Panel(QUANTITIES[name].label, xlabel=xlabel) for name in names}
     panels |= {f"excitation of {name}": Panel("excitation [1]", xlabel=xlabel) for name in names}

@@ -75,7 +75,7 @@ def curves_figure(
     return finish(figure)
 
 
-def ratio_figure(table: pd.DataFrame, *, limit: float, styles: Styles | None = None) -> DataFigure:
+def ratio_figure(table: pd.DataFrame, *, limit: float, styles: Styles) -> DataFigure:
     """Errors over the Cramér-Rao bound: a panel for each setting, a row for each parameter, a symbol for a method."""
     panels = {}
     for name in table["panel"].unique():

@@ -155,9 +155,7 @@ def estimate_styles(estimates: Mapping[str, Estimate]) -> dict[str, MethodStyle]
 def ordinal_styles(names: Iterable[str]) -> dict[str, MethodStyle]:
     """Styles of series that are no methods, such as values of a parameter: from dark to light."""
     series = list(dict.fromkeys(names))
-    pitch = 2.0
-    if len(series) > 3:
-        pitch = (len(ORDINAL_COLOURS) - 1) / (len(series) - 1)
+    pitch = min(2.0, (len(ORDINAL_COLOURS) - 1) / max(1, len(series) - 1))
     styles = {}
     for number, name in enumerate(series):
         colour = ORDINAL_COLOURS[round(number * pitch)]
