@@ -61,11 +61,8 @@ def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
     longest = np.argmax(lengths)
     if lengths[longest] < CLIPPED_RUN:
         return 0, 0
-    # As many samples again, the nearest to the end, have more than five other values if it is clipped.
-    count = min(2 * at_end.size, x.size)
-    nearest = np.partition(np.abs(x - end), count - 1)[:count]
-    counts = np.unique(nearest[nearest > 0], return_counts=True)[1]
-    if at_end.size <= CLIPPED_EXCESS * np.mean(counts[:NEXT_VALUES]):
+    counts = np.unique(np.abs(x - end), return_counts=True)[1]
+    if at_end.size <= CLIPPED_EXCESS * np.mean(counts[1 : 1 + NEXT_VALUES]):
         return 0, 0
     return at_end.size, starts[longest]
 
