@@ -185,8 +185,7 @@ def _test_coherence(
     p_value = float(special.chdtrc(2 * bins.size, statistic))
     # Velocity leads position by a quarter of a period; its product with the torque is power.
     cross = np.sum(position * noise.conj(), axis=0)
-    power_sign = cross.imag / np.maximum(np.abs(cross), np.finfo(float).tiny)
-    work = float(np.sum(squared * power_sign) / np.sum(squared))
+    work = float(np.sum(squared * np.sin(np.angle(cross))) / np.sum(squared))
     return p_value, float(squared.mean()), work
 
 
