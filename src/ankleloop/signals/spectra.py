@@ -71,9 +71,8 @@ class Band:
 
     def signals(self, spectra: np.ndarray) -> np.ndarray:
         """Signals whose transforms are given within the band and zero elsewhere, shape (..., samples)."""
-        transform = np.zeros((*spectra.shape[:-1], self.samples // 2 + 1), dtype=complex)
-        transform[..., self.bins] = spectra
-        return irfft(transform, self.samples, axis=-1)
+        below = np.zeros((*spectra.shape[:-1], self.bins.start))
+        return irfft(np.concatenate([below, spectra], axis=-1), self.samples, axis=-1)
 
     def correlate(self, cross: np.ndarray, reach: int) -> np.ndarray:
         """Sums of cross spectra at lags that are 1/(2 b) apart in a band of width b, shape (2 reach + 1,)."""
