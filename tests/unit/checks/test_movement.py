@@ -39,8 +39,6 @@ def test_a_torque_without_noise_is_explained():
 def test_q_sinusoids_excite_2q_directions(sinusoids):
     t = np.arange(3000) / 100.0
     velocity = sum(np.sin(2 * np.pi * (1.3 + 4.1 * k) * t + k) for k in range(sinusoids))
-    rows = np.lib.stride_tricks.sliding_window_view(velocity, 32)
-    assert np.linalg.matrix_rank(rows, tol=1e-3 * np.linalg.norm(rows, 2)) == 2 * sinusoids
     finding = check_excitation([velocity], 2, 15)
     assert f"excites {2 * sinusoids} of 24 directions" in finding.text
     assert finding.verdict == ("refused" if sinusoids < 5 else "warning")
