@@ -102,8 +102,8 @@ class SweepAxis:
         plain = _as_value(value)
         if _is_number(plain):
             return f"{plain:.4g}"
-        standard = {None: "none", True: "true", False: "false"}
-        return self.words.get(plain) or standard.get(plain) or str(plain)
+        word = plain if isinstance(plain, str) else str(plain).lower()
+        return self.words.get(plain, word)
 
     def places(self, values: Iterable[Any]) -> np.ndarray:
         """Numbers of values in the list."""
@@ -249,14 +249,15 @@ def _draw_map(
     room: int,
 ) -> AxesImage:
     """Cells of a grid with their numbers, where there is room for so many side by side."""
-    x = axes[0].places(rows["x"])
-    y = axes[1].places(rows["y"])
-    means = np.full((len(axes[1].values), len(axes[0].values)), np.nan)
+    abscissa, ordinate = axes
+    x = abscissa.places(rows["x"])
+    y = ordinate.places(rows["y"])
+    means = np.full((len(ordinate.values), len(abscissa.values)), np.nan)
     means[y, x] = rows["value"]
     image = cell.imshow(means, origin="lower", aspect="auto", interpolation="nearest", **colours)
     cell.set_facecolor(EMPTY_COLOUR)
     for column, row, mean, mark in zip(x, y, rows["value"], rows["marked"], strict=True):
-        text = f"{round(mean, 2):.3g}" if len(axes[0].values) <= room else ""
+        text = f"{round(mean, 2):.3g}" if len(abscissa.values) <= room else ""
         if mark:
             text += "*"
         lightness = np.dot(image.to_rgba(mean)[:3], (0.3, 0.6, 0.1))
@@ -265,8 +266,8 @@ def _draw_map(
             text = "×"
             colour = "black"
         cell.text(column, row, text, **CELL_TEXT, color=colour)
-    axes[0].list_values(cell.xaxis, room)
-    axes[1].list_values(cell.yaxis, 10)
+    abscissa.list_values(cell.xaxis, room)
+    ordinate.list_values(cell.yaxis, 10)
     return image
 
 
