@@ -65,20 +65,19 @@ ROWS = [
     row(
         "the last line is cut off",
         cut_off(csv_file()),
-        "the last line",
-        "the file is cut off",
+        "the last line has fewer cells or digits than those before: the file is cut off",
         "copy it again",
     ),
     row(
         "decimal commas",
         table(csv_text(COMMAS)),
-        "a.csv: line 2 has 6 cells and the header 3",
+        "a.csv: there are more cells than names in line 2",
         "decimal points",
     ),
     row(
         "a column twice",
         headed("time,position,position"),
-        "2 columns are called 'position'",
+        "2 variables are called 'position'",
         call=torque_at,
     ),
     row(
@@ -158,7 +157,7 @@ ROWS = [
     row(
         "no names below a title, semicolons",
         table("Devices\n" + csv_text().partition("\n")[2].replace(",", ";")),
-        "line 2 has 3 cells and the header 1, which is taken to be line 1, with semicolons between",
+        "in line 2; the names are taken to be in line 1, with semicolons between the cells",
     ),
     row(
         "a row of units in place of names",
@@ -169,7 +168,7 @@ ROWS = [
     row(
         "fewer names than cells, below rows of a spreadsheet",
         table("Subject,7,\nRate,500,\n" + csv_text().replace(",torque", "", 1)),
-        "line 4 has 3 cells and the header 2, which is taken to be line 3, with commas between",
+        "in line 4; the names are taken to be in line 3, with commas between the cells",
     ),
     row("1_0 in a cell", with_line("0.02,1_0,1"), "position is not a number in line 12 but '1_0'"),
     row(

@@ -66,7 +66,7 @@ ROWS = [
         "the samples are cut off",
         text_file("a.flb", WHOLE[:-1]),
         "a.flb",
-        "(case 1 is cut off)",
+        "(a case is cut off)",
         "file is whole",
     ),
     row(

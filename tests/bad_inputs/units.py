@@ -122,7 +122,13 @@ ROWS = [
         "a.h5: torque is in 'gain = 20.0' according to the file",
     ),
     scale("hdf5: a conversion without a unit", hdf5_torque(conversion=2), "is in 'conversion = 2'"),
-    scale("hdf5: an offset", hdf5_torque(Offset=0.5), "torque is in 'Offset = 0.5'"),
+    row(
+        "hdf5: an offset",
+        hdf5_torque(Offset=0.5, units="Nm"),
+        "torque has Offset = 0.5",
+        "apply it to the samples, and make the trial with new_trial",
+        call=in_newton_metres,
+    ),
     scale(
         "mat: a scale in the struct",
         struct(scale=0.1),
@@ -186,7 +192,7 @@ ROWS = [
     row(
         "a column fs of text",
         text_file("a.csv", csv_text({**SIGNALS, "fs": ["500 Hz"] * 300})),
-        "fs is 500 Hz, not a number in Hz",
+        "Pass sampling_rate in Hz",
         remedy={"sampling_rate": None},
     ),
     row(

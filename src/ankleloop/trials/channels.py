@@ -7,11 +7,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ankleloop.errors import DataError
+from ankleloop.signals.sampling import check_same_rate, parse_rate
 from ankleloop.trials.contents import SCALES, Contents, Variable, as_text
 from ankleloop.trials.units import RATE_UNITS, is_time
 
@@ -53,18 +53,15 @@ OTHER_WORDS |= {"unit", "units", "name", "label"}
 
 def find_names(contents: Contents, variables: Mapping[str, str | None]) -> dict[str, str]:
     """Names in the file by role: those that are stated, and of channels without one those that say the channel."""
-    taken = {name.lstrip("/") for name in variables.values() if name is not None}
-    paths = contents.names() if None in variables.values() else []
     names: dict[str, str] = {}
     for role, stated in variables.items():
-        name = stated
-        if stated is None and role not in (*paths, *taken) and contents.find(role) is not None:
-            name = role  # a link of HDF5, which is not among the names
-        elif stated is None:
-            own = _list_own(contents, names["position"]) if "position" in names else paths
-            name = _find_channel(role, contents, [path for path in own if path not in taken])
+        taken = {name.lstrip("/") for name in (*variables.values(), *names.values()) if name}
+        own = _list_own(contents, names["position"]) if "position" in names else contents.names()
+        free = [name for name in own if name not in taken]
+        # A link of HDF5 is not among the names.
+        is_link = role not in (*contents.names(), *taken) and contents.find(role) is not None
+        name = stated or (role if is_link else _find_channel(role, contents, free))
         if name is not None:
-            taken.add(name)
             names[role] = name
     return names
 
@@ -88,19 +85,17 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `CHANNEL_WORDS`:
     `ankle_angle` and `AnkleAngle` are positions, `angle_command` is a reference.
     """
-    called = [name for name in names if _channel_of(name) == channel]
-    fitting = [name for name in called if _has_samples(contents, name)]
+    fitting = [
+        name for name in names if _channel_of(name) == channel and _has_samples(contents, name)
+    ]
     if len(fitting) == 1:
         return fitting[0]
     if channel == "reference" and not fitting:
         return None
+    words = " or ".join(CHANNEL_WORDS[channel])
+    fault = f"no variable with samples is called {words}, so that it would be the {channel}"
     if fitting:
         fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}"
-    elif called:
-        fault = f"{called[0]} is a single number, and no {channel}"
-    else:
-        words = " or ".join(CHANNEL_WORDS[channel])
-        fault = f"no variable is called {words}, so that it would be the {channel}"
     others = [name for name in contents.names() if _has_samples(contents, name)]
     matrices = [variable for variable in map(contents.require, others) if variable.is_matrix]
     part = f", or a part of one, as {matrices[0].name_channel()!r}" if matrices else ""
@@ -157,7 +152,7 @@ def read_channels(
     rate: float | None = None,
     time: str | None = FOUND,
 ) -> Iterator[tuple[str, Variable, np.ndarray]]:
-    """Read the variables of a trial, its times and its sampling rates, each alone, from an open file.
+    """Read the variables of a trial, its times and its sampling rate, each alone, from an open file.
 
     `variables` are names in the file by role, None where they are to be found; `rate` is what the caller states [Hz],
     `time` the name of the times, `FOUND`, or None to leave them out. The true torques of a simulation are read where
@@ -180,10 +175,9 @@ def read_channels(
         time = next(_find_times(contents, position, taken), None)
     if time not in (None, NONE):
         yield (TIME, *_read_times(contents, contents.require(time)))
-    rates = _find_rates(contents, position, rate)
-    if rates:
-        numbers = np.array([*rates.values()])
-        yield RATE, Variable(" and ".join(rates), numbers.shape, numbers.copy), numbers
+    stated = _find_rate(contents, position, rate)
+    if stated is not None:
+        yield RATE, Variable(RATE, (), lambda: stated), np.array([stated])
 
 
 def _check_channels(contents: Contents, channels: Mapping[str, Variable]) -> None:
@@ -206,15 +200,13 @@ def _describe(contents: Contents, variable: Variable) -> Variable:
     prefix = contents.prefixes(variable.name)[1]
     is_plain = variable.name.removeprefix(prefix).lower() in PLAIN_NAMES
     start = prefix if is_plain else f"{variable.name}_"
-    attributes: dict[str, Any] = {}
+    attributes = dict(variable.attributes)
     for word in ("unit", "units", *SCALES):
         part = contents.find(f"{start}{word}")
-        if part is None:
-            continue
-        values = np.ravel(part.read())
+        values = np.empty(0) if part is None else np.ravel(part.read())
         if values.size == 1:
             attributes[word] = values[0]
-    return replace(variable, attributes={**variable.attributes, **attributes})
+    return replace(variable, attributes=attributes)
 
 
 def _find_times(contents: Contents, position: str, taken: Sequence[str]) -> Iterator[str]:
@@ -231,7 +223,7 @@ def _find_times(contents: Contents, position: str, taken: Sequence[str]) -> Iter
 
 
 def _read_times(contents: Contents, variable: Variable) -> tuple[Variable, np.ndarray]:
-    """Times as numbers; those of a clock, of one or several days, in seconds."""
+    """Times as numbers; those of a clock in seconds."""
     values = np.ravel(variable.read())
     if ":" not in as_text(values[0]):
         return variable, contents.read_numbers(variable)
@@ -242,38 +234,45 @@ def _read_times(contents: Contents, variable: Variable) -> tuple[Variable, np.nd
     if clock.isna().all():
         dates = pd.to_datetime(texts, format="mixed", errors="coerce")
         clock = dates - dates[0]
-    seconds = clock.total_seconds().to_numpy()
-    midnights = np.cumsum(np.diff(seconds, prepend=seconds[0]) < 0.0)
-    return replace(variable, attributes={"units": "s"}), seconds + 86400.0 * midnights
+    return replace(variable, attributes={"units": "s"}), clock.total_seconds().to_numpy()
 
 
-def _find_rates(contents: Contents, position: str, stated: float | None) -> dict[str, float]:
-    """The sampling rates [Hz] that are nearest to the position, by name.
+def _find_rate(contents: Contents, position: str, given: float | None) -> float | None:
+    """The sampling rate [Hz] that is given, or else nearest to the position in the file; all that count agree.
 
-    One that cannot be read is left out where a rate is stated: it contradicts nothing.
+    Of several in the file the one counts that a given rate is nearest to.
     """
+    source = contents.path.name
+    rates: dict[str, float] = {}
     for prefix in contents.prefixes(position):
-        numbers = [contents.find_number(prefix, name) for name in RATE_NAMES]
-        rates = {
-            number.name: _read_rate(number, stated, source=contents.path.name)
-            for number in numbers
-            if number is not None
-        }
-        if rates:
-            return {name: rate for name, rate in rates.items() if rate is not None}
-    return {}
+        found = [contents.find_number(prefix, name) for name in RATE_NAMES]
+        numbers = [number for number in found if number is not None]
+        if numbers:
+            rates = _read_rates(numbers, given, source=source)
+            break
+    if given is not None and rates:
+        nearest = min(rates, key=lambda name: abs(rates[name] - given))
+        rates = {nearest: rates[nearest]}
+    stated = given or next(iter(rates.values()), None)
+    for name, rate in rates.items():
+        check_same_rate(stated or rate, rate, source=source, name=name)
+    return stated
 
 
-def _read_rate(variable: Variable, stated: float | None, *, source: str) -> float | None:
-    """Sampling rate [Hz]; None for what cannot be read where a rate is stated."""
-    value = np.ravel(variable.read())[0]
-    with suppress(TypeError, ValueError):
-        if variable.unit.lower() in RATE_UNITS:
-            return float(value)
-    if stated is not None:
-        return None
-    unit = f" {variable.unit}" if variable.unit else ""
-    raise DataError(
-        f"{source}: {variable.name} is {value!s:.60}{unit}, not a number in Hz: pass sampling_rate in Hz.",
-        remedy={"sampling_rate": None},
-    )
+def _read_rates(
+    numbers: Sequence[Variable], given: float | None, *, source: str
+) -> dict[str, float]:
+    """Sampling rates [Hz] by name; what cannot be read contradicts no rate that is given."""
+    rates = {}
+    for number in numbers:
+        try:
+            rate = parse_rate(number.read(), source=f"{source}: {number.name}")
+            if number.unit.lower() not in RATE_UNITS:
+                raise DataError(f"{source}: {number.name} is in {number.unit}, not in Hz.")
+            rates[number.name] = rate
+        except DataError as error:
+            if given is None:
+                raise DataError(
+                    f"{error} Pass sampling_rate in Hz.", remedy={"sampling_rate": None}
+                ) from None
+    return rates

@@ -25,9 +25,7 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.trials.units import normalise_unit
 
-MAX_SAMPLES = 20_000_000  # 160 MB in double precision
 LISTED_NAMES = 30  # that a message has
-LISTED_SAMPLES = 8  # of a matrix
 # What turns samples into numbers with a unit, where no convention says how, and its neutral value.
 SCALES = {"conversion": 1.0, "gain": 1.0, "scale": 1.0, "sensitivity": 1.0, "offset": 0.0}
 PART = re.compile(r"(.+)\[([\d:, ]+)\]")  # of a matrix
@@ -74,15 +72,14 @@ class Variable:
     def unit(self) -> str:
         """Unit that the file states, and a scale without a convention; texts that differ are joined, to be refused."""
         units: dict[str, str] = {}
+        words = {"unit", "units"} if is_nwb(self.attributes) else {"unit", "units", *SCALES}
         for name, value in self.attributes.items():
             word = name.lower()
             is_number = np.asarray(value).dtype.kind in "iuf"
             if word in ("units", "unit"):
-                text = str(value) if is_number else as_text(value)
-                units[normalise_unit(text)] = text
-            elif word in SCALES and is_number and not is_nwb(self.attributes):
-                is_neutral = np.all(value == SCALES[word])
-                units["" if is_neutral else name] = f"{name} = {value}"
+                units[normalise_unit(as_text(value))] = as_text(value)
+            elif word in words and is_number and np.any(value != SCALES[word]):
+                units[name] = f"{name} = {value}"
         return " and ".join(text for unit, text in units.items() if unit)
 
 
@@ -91,47 +88,22 @@ def number_trial(name: str, number: int) -> str:
     return STAR.sub(rf"\g<1>{number}", name, count=1)
 
 
-def fold_numbers(names: Iterable[str]) -> list[str]:
-    """Names with a * in place of the number of an element, each once."""
-    return list(dict.fromkeys(re.sub(r"\[\d+\]", "[*]", name, count=1) for name in names))
-
-
 def as_text(value: Any) -> str:
-    """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for what is no text."""
+    """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for several or none."""
     array = np.asarray(value)
     item = array.item() if array.size == 1 else None
-    text = item.decode(errors="replace") if isinstance(item, bytes) else item
-    return text.strip("\x00 \t\r\n") if isinstance(text, str) else ""
-
-
-def check_size(samples: int, name: str) -> None:
-    """Refuse more samples than are read at once."""
-    if samples > MAX_SAMPLES:
-        raise DataError(
-            f"{name} has {samples:,} samples by its size in the file; at most {MAX_SAMPLES:,} are read as a trial "
-            f"({MAX_SAMPLES / 3.6e6:.1f} h at 1 kHz): cut the record; if it is short, the file is damaged."
-        )
-
-
-def list_names(names: Iterable[str]) -> str:
-    """The first names of variables, for a message."""
-    shown = [name if name.isprintable() else repr(name) for name in islice(names, LISTED_NAMES + 1)]
-    text = ", ".join(shown[:LISTED_NAMES])
-    if len(shown) > LISTED_NAMES:
-        return f"{text} and more"
-    return text or "none"
+    if isinstance(item, bytes):
+        item = item.decode(errors="replace")
+    return "" if item is None else str(item).strip("\x00 \t\r\n")
 
 
 class Contents:
     """Variables and attributes of an open file."""
 
-    kind = "variables"  # what a table or a sequence of cases calls them
-
     def __init__(self, path: Path) -> None:
         self.path = path
         self.variables: list[Variable] = []
         self.file_attributes: Mapping[str, Any] = {}
-        self.warnings: list[str] = []  # for who reads the file
 
     @cached_property
     def _by_name(self) -> dict[str, list[Variable]]:
@@ -169,14 +141,16 @@ class Contents:
         variables = self._by_name.get(name, [])
         if len(variables) > 1:
             raise DataError(
-                f"{self.path.name}: {len(variables)} {self.kind} are called {name!r}: give each a name of its own."
+                f"{self.path.name}: {len(variables)} variables are called {name!r}: give each a name of its own."
             )
         return variables[0] if variables else None
 
     def names(self) -> list[str]:
         """Full names of the variables, with a * for the numbers of all trials of MATLAB."""
         names = [name for name in self._by_name if name]
-        return fold_numbers(names) if self.path.name.lower().endswith(".mat") else names
+        if self.path.name.lower().endswith(".mat"):
+            names = [re.sub(r"\[\d+\]", "[*]", name, count=1) for name in names]
+        return list(dict.fromkeys(names))
 
     def prefixes(self, name: str) -> list[str]:
         """Starts of names of what a variable may belong to, the nearest first: itself, structs or groups, the file."""
@@ -199,40 +173,42 @@ class Contents:
         variable = self.find(name) or self.find(name.lstrip("/"))
         if variable is not None:
             return variable
+        remark = "; parts are counted from 0, and not from the end" if "[" in name else ""
         raise DataError(
             f"{self.path.name}: there is no variable {name!r}; the file has: {self.describe(self.names())}. Name one "
-            "of these."
+            f"of these{remark}."
         )
 
     def describe(self, names: Iterable[str]) -> str:
-        """Names of variables for a message, with the shapes and the first samples of those that are no vectors."""
-        return list_names(map(self._describe_variable, names))
+        """The first names of variables, for a message, with the shapes of those that are no vectors."""
+        shown = [self._describe_variable(name) for name in islice(names, LISTED_NAMES + 1)]
+        text = ", ".join(shown[:LISTED_NAMES])
+        return f"{text} and more" if len(shown) > LISTED_NAMES else text or "none"
 
     def _describe_variable(self, name: str) -> str:
-        """Name of a variable with its shape and its first samples, where it is no vector."""
+        """Name of a variable with its shape, where it is no vector."""
+        text = name if name.isprintable() else repr(name)
         with suppress(DataError):
             variable = self.find(name)
-            if variable is None:
-                return name
-            if variable.count is not None:
-                return f"{name} ({variable.count} of {variable.shape})"
-            if variable.is_matrix:
-                longest = int(np.argmax(variable.shape))
-                first = np.take(self.read_numbers(variable), 0, axis=longest).ravel()
-                samples = ", ".join(f"{sample:.3g}" for sample in first[:LISTED_SAMPLES])
-                return f"{name} {variable.shape} (first samples {samples})"
-        return name
+            if variable is not None and variable.count is not None:
+                return f"{text} ({variable.count} of {variable.shape})"
+            if variable is not None and variable.is_matrix:
+                return f"{text} {variable.shape}"
+        return text
 
     def find_number(self, prefix: str, name: str) -> Variable | None:
-        """Variable of a single value beside others, or else attribute; None if there is neither."""
+        """Variable of a number beside others, in each of its samples or some, or else attribute; None without any."""
         full_name = f"{prefix}{name}"
         variable = self.find(full_name)
         if variable is None:
             value = self.attributes(prefix[:-1]).get(name)
-            if value is None:
-                return None
-            variable = Variable(full_name, np.shape(value), lambda: value)
-        return variable if math.prod(variable.shape) == 1 else None
+            variable = Variable(full_name, (), lambda: value)
+        samples = np.ravel(variable.read()).tolist()
+        different = {sample for sample in samples if sample == sample and sample is not None}
+        if len(different) != 1:
+            return None
+        number = different.pop()
+        return replace(variable, shape=(), read=lambda: number)
 
     def read_numbers(self, variable: Variable) -> np.ndarray:
         """Samples of a variable as floating-point numbers, scaled, nan where they are missing."""
@@ -244,8 +220,7 @@ class Contents:
             raise DataError(
                 f"{place} is of type {values.dtype}, not real numbers: convert it, or choose another variable."
             )
-        check_size(values.size, place)
-        numbers = np.array(decode(values, variable.attributes), dtype="<f8", order="C")
+        numbers = decode(values, variable.attributes)
         # Damaged files have nan that signal an error wherever they are used.
         numbers[np.isnan(numbers)] = np.nan
         return numbers
@@ -272,19 +247,19 @@ def decode(values: np.ndarray, attributes: Mapping[str, Any]) -> np.ndarray:
     """Apply scale, offset and missing values that the attributes of a variable state, by the conventions of NetCDF.
 
     A sample is `stored · scale_factor + add_offset`; one that equals `_FillValue` or `missing_value` as stored becomes
-    nan. `_Unsigned` turns integers into those without a sign.
+    nan.
     """
-    missing = np.zeros(values.shape, dtype=bool)
+    numbers = np.array(values, dtype="<f8", order="C")
+    names = ("conversion", "offset") if is_nwb(attributes) else ("scale_factor", "add_offset")
+    if attributes.keys() & names:
+        factor, offset = (
+            np.asarray(attributes.get(name, usual)).item()
+            for name, usual in zip(names, (1.0, 0.0), strict=True)
+        )
+        numbers = numbers * factor + offset
     for key in ("_FillValue", "missing_value"):
         if key in attributes:
             # Libraries round the markers to the type of the samples.
-            missing |= np.isin(values, np.asarray(attributes[key]).astype(values.dtype))
-    if as_text(attributes.get("_Unsigned", "")).lower() == "true" and values.dtype.kind == "i":
-        # Behind the comparison: the markers have the signed type as stored.
-        values = values.view(values.dtype.str.replace("i", "u"))
-    names = ("conversion", "offset") if is_nwb(attributes) else ("scale_factor", "add_offset")
-    if attributes.keys() & names:
-        factor = np.asarray(attributes.get(names[0], 1.0)).item()
-        offset = np.asarray(attributes.get(names[1], 0.0)).item()
-        values = values.astype(float) * factor + offset
-    return np.where(missing, np.nan, values) if missing.any() else values
+            marker = np.asarray(attributes[key]).astype(values.dtype)
+            numbers[np.isin(values, marker)] = np.nan
+    return numbers

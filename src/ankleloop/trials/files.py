@@ -206,12 +206,6 @@ def check_readable(path: PathLike) -> Path:
         raise DataError(f"{path}: {reason}: check the path and the permission.") from cause
 
 
-def stamp_file(path: PathLike) -> tuple[int, ...]:
-    """What changes with a file."""
-    status = os.stat(path)
-    return status.st_ino, status.st_size, status.st_mtime_ns
-
-
 def has_checksum(path: PathLike) -> bool:
     """Whether a file ends with a checksum; one whose content is not the one that was written is unreadable."""
     size = os.stat(path).st_size - CHECKSUM_LENGTH

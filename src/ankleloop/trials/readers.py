@@ -9,14 +9,14 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop.options import check_path, show_fields
-from ankleloop.signals.sampling import check_same_rate, compute_rate, parse_rate
+from ankleloop.signals.sampling import check_same_rate, compute_rate
 from ankleloop.trials.channels import RATE, RATE_NAMES, TIME
 from ankleloop.trials.contents import Variable
 from ankleloop.trials.files import PathLike
 from ankleloop.trials.reading_options import ReadingOptions
 from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.trial import check_shape, check_sizes, new_trial
-from ankleloop.trials.units import check_unit, find_position_unit, time_factor
+from ankleloop.trials.trial import check_sizes, new_trial
+from ankleloop.trials.units import find_factor, find_position_unit, time_factor
 
 LOWEST_JOINT_RATE = 10.0  # Hz: times without a unit that are slower may be in ms
 
@@ -76,10 +76,10 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     Raises
     ------
     DataError
-        If the file cannot be read, or not within the limits; if it has more than 20 million samples, lacks a variable
-        or a sampling rate, has an irregular time column or one that contradicts the sampling rate, states another unit
-        than `position_unit` or `torque_unit`, or a gain without a convention, or holds no valid trial; or if an option
-        has a wrong value.
+        If the file cannot be read, or not within the limits; if it lacks a variable or a sampling rate, has an
+        irregular time column or one that contradicts the sampling rate, states another unit than `position_unit` or
+        `torque_unit`, or a gain or an offset without a convention, or holds no valid trial; or if an option has a wrong
+        value.
 
     Examples
     --------
@@ -107,16 +107,19 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     )
     position = variables["position"]
     unit = options.position_unit or find_position_unit(position.name, position.unit)
-    options = options.model_copy(update={"position_unit": unit})
     signals = {role: item for role, item in variables.items() if role not in (TIME, RATE)}
+    samples = {}
     for role, variable in signals.items():
+        samples[role] = variable.read()
         if role not in options.further:
-            given = options.torque_unit if role.startswith("torque") else unit
-            check_unit(role, variable.name, variable.unit, given, source=path.name)
-        check_shape(variable.shape, variable.name, source=path.name)
+            is_torque = role.startswith("torque")
+            given = options.torque_unit if is_torque else unit
+            factor = find_factor(role, variable.name, variable.unit, given, source=path.name)
+            sign = options.torque_sign if is_torque else options.position_sign
+            samples[role] *= sign * factor
     trial = new_trial(
-        **{role: variable.read() * options.factor(role) for role, variable in signals.items()},
-        sampling_rate=_choose_rate(variables, options.sampling_rate, source=path.name),
+        **samples,
+        sampling_rate=_choose_rate(variables, source=path.name),
         source=path.name,
         **{f"{role}_variable": signals[role].name for role in options.names if role in signals},
         **options.model_dump(include={"position_sign", "torque_sign", "case"}),
@@ -130,12 +133,11 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     return trial
 
 
-def _choose_rate(variables: Mapping[str, Variable], stated: float | None, *, source: str) -> float:
-    """Choose the sampling rate [Hz]: the stated one, that of the file, or that of the times; all must agree."""
-    if RATE in variables:
-        stated = _choose_stated_rate(variables[RATE], stated, source=source)
+def _choose_rate(variables: Mapping[str, Variable], *, source: str) -> float:
+    """Choose the sampling rate [Hz]: the stated one, or that of the times; both must agree."""
+    stated = variables[RATE].read().item() if RATE in variables else None
     if TIME in variables:
-        samples = max(variables["position"].shape)
+        samples = variables["position"].read().size
         measured = _measure_rate(variables[TIME], samples, stated, source=source)
         return stated or measured
     if stated is None:
@@ -147,23 +149,11 @@ def _choose_rate(variables: Mapping[str, Variable], stated: float | None, *, sou
     return stated
 
 
-def _choose_stated_rate(variable: Variable, given: float | None, *, source: str) -> float:
-    """The given rate [Hz], else the first one of the file; all that count must agree with it."""
-    rates = [parse_rate(number, source=source) for number in variable.read()]
-    if given is not None:  # which of several rates is right
-        rates = [min(rates, key=lambda rate: abs(rate - given))]
-    stated = given or rates[0]
-    for rate in rates:
-        check_same_rate(stated, rate, source=source, name=variable.name)
-    return stated
-
-
 def _measure_rate(variable: Variable, samples: int, stated: float | None, *, source: str) -> float:
     """Rate [Hz] of the times, which must agree with a stated one."""
-    size = check_shape(variable.shape, variable.name, source=source)
-    check_sizes({"position": samples, variable.name: size}, source=source)
     factor = time_factor(variable.name, variable.unit, source=source)
     times = variable.read() * (factor or 1.0)
+    check_sizes({"position": samples, variable.name: times.size}, source=source)
     try:
         measured = compute_rate(times, source=source, name=variable.name)
     except DataError as error:

@@ -14,11 +14,14 @@ from ankleloop.options import Options, option, show_value
 from ankleloop.trials.channels import CHANNELS, FOUND, NONE
 from ankleloop.trials.contents import number_trial
 from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.units import POSITION_UNITS, TORQUE_UNITS, find_factor, normalise_unit
+from ankleloop.trials.units import POSITION_UNITS, TORQUE_UNITS, normalise_unit
 
 # Names of further variables: not those that a trial has anyway, or that its reading records.
 FURTHER_NAME = r"(?!torque|(position(_unit|_sign)?|reference|time|sampling_rate|source)$)[A-Za-z]\w*(?<!_variable)"
-PAIRS = "pairs of a name in the trial and the variable of the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
+PAIRS = (
+    "pairs of a name in the trial, of letters, digits and underscores, that no trial has anyway, and the variable of "
+    "the file, as {'ankle_angle': 'angle'} or 'ankle_angle=angle'"
+)
 
 
 Factor = Annotated[float, Field(gt=0.0, le=1e9)]  # how much 1 is in the file
@@ -86,15 +89,14 @@ class ReadingOptions(Options):
             # Not at a comma in brackets, as of data[:, 2].
             parts = [pair.partition("=") for pair in re.split(r",(?![^\[]*\])", value)]
             pairs = {name.strip(): variable.strip() for name, _, variable in parts}
-        texts = [*pairs, *pairs.values()] if isinstance(pairs, Mapping) else [None]
-        if not all(isinstance(text, str) and text for text in texts):
+        is_valid = isinstance(pairs, Mapping) and all(
+            isinstance(variable, str)
+            and variable
+            and re.fullmatch(FURTHER_NAME, str(name), re.ASCII)
+            for name, variable in pairs.items()
+        )
+        if not is_valid:
             raise ValueError(f"variables must be {PAIRS}; got {show_value(value)}.")
-        for name in pairs:
-            if not re.fullmatch(FURTHER_NAME, name, re.ASCII):
-                raise ValueError(
-                    f"variables: a further variable of the trial cannot be called {name!r}: take letters, digits and "
-                    "underscores, but no name that a trial has anyway, as torque and position."
-                )
         return dict(pairs)
 
     @model_validator(mode="after")
@@ -132,14 +134,6 @@ class ReadingOptions(Options):
         names = {role: number_trial(name, number) for role, name in self.channels.items()}
         further = {role: number_trial(name, number) for role, name in self.further.items()}
         return self.model_copy(update={**names, "variables": further or None})
-
-    def factor(self, channel: str) -> float:
-        """Compute the factor that brings the numbers of the file to rad and N·m, with the sign of the convention."""
-        if channel.startswith("torque"):
-            return self.torque_sign * find_factor(self.torque_unit or "N·m")
-        if channel not in ("position", "reference"):
-            return 1.0
-        return self.position_sign * find_factor(self.position_unit or "rad")
 
 
 def list_trials(path: Path, options: Reading) -> list[Reading]:

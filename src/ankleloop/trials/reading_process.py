@@ -4,7 +4,7 @@ A file that is damaged in a way that crashes or halts the library of its format,
 `DataError`, and nothing else happens. The process is started for the first file (to start one takes longer than to read
 a file), and serves those that follow, until a library fails: then its state is not to be trusted any more.
 
-Requests and answers are lines of JSON over pipes, and the samples of a variable stand behind its line, in one message:
+Requests and answers are lines of JSON over pipes, and behind the line of a variable stand so many samples as it says:
 nothing in an answer is executed, and no answer can be taken for another one. Every wait for an answer has a limit.
 
 On Windows neither memory nor the time of the processor is limited: there the wait for the answer ends the process.
@@ -21,10 +21,9 @@ import signal
 import subprocess
 import sys
 import threading
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -33,35 +32,32 @@ import numpy as np
 from ankleloop.errors import DataError, ResourceError
 from ankleloop.trials import channels
 from ankleloop.trials.contents import Contents, Variable
-from ankleloop.trials.files import (
-    PathLike,
-    UnreadableError,
-    check_readable,
-    has_checksum,
-    stamp_file,
-)
+from ankleloop.trials.files import PathLike, UnreadableError, check_readable, has_checksum
 
-TABLES = (".csv", ".csv.gz", ".txt", ".tsv")
-SUFFIXES = (*TABLES, ".mat", ".h5", ".hdf5", ".nc", ".flb", ".c3d", ".tdms")
+# Modules and classes of the containers, by the suffix of a file.
+CONTAINERS = {
+    ".csv": ("csv_files", "CsvContents"),
+    ".csv.gz": ("csv_files", "CsvContents"),
+    ".txt": ("csv_files", "CsvContents"),
+    ".tsv": ("csv_files", "CsvContents"),
+    ".mat": ("matlab_files", "MatContents"),
+    ".h5": ("hdf5_files", "Hdf5Contents"),
+    ".hdf5": ("hdf5_files", "Hdf5Contents"),
+    ".nc": ("hdf5_files", "Hdf5Contents"),
+    ".flb": ("flb_files", "FlbContents"),
+    ".c3d": ("recorder_files", "C3dContents"),
+    ".tdms": ("recorder_files", "TdmsContents"),
+}
 # Limits of the processor and of memory for a file.
 SECONDS, SECONDS_PER_MEGABYTE = 10.0, 1.0
 BYTES, BYTES_PER_BYTE = 1 << 30, 4
 PATIENCE = 20.0  # times as long a busy machine or a slow disk may take
 STARTING = 60.0  # s, until the process has started
-LENGTH_BYTES = 8  # of a message
-HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-MATLAB_HEADER = 512  # bytes before that signature in files of MATLAB v7.3
 PROGRAM = "import sys; sys.path.insert(0, sys.argv[1]); from ankleloop.trials.reading_process import main; main()"
 WHOLE = "check that the file is whole and its suffix right, or restore it from a copy"
-LATE = "it was not read in time: the computer is busy, or the disk slow"
-# Statuses of a process that a signal has ended: Windows has no such signals, and no names of them.
-KILLED, ALARMED, PROFILED = -9, -14, -27
-# How the process may end without an answer, where that says nothing about the file.
-ENDS = {
-    1: f"the process that reads it did not start: {sys.executable} -P -c ... failed; use another Python",
-    KILLED: "the process that reads it was killed (SIGKILL), most often as memory was short: free memory",
-    ALARMED: LATE,
-}
+# Statuses of a process that has not started or was killed, which says nothing about the file, and of one that has taken
+# its time; they are numbers, as Windows has no such signals.
+ENDED, PROFILED = (1, -9), -27
 
 
 def read_channels(
@@ -76,15 +72,17 @@ def read_channels(
     suffix = find_suffix(path)
     if suffix is None:
         raise DataError(
-            f"{path.name}: unknown kind of file: convert it to one of {', '.join(SUFFIXES)}."
+            f"{path.name}: unknown kind of file: convert it to one of {', '.join(CONTAINERS)}."
         )
+    if case is not None and suffix != ".flb":
+        raise DataError(f"{path.name}: case chooses a trial of an .flb file: leave it out.")
     with name_errors(path.name, f"{suffix} file", WHOLE):
         return _ask(path, task, case, wanted)
 
 
 def find_suffix(path: Path) -> str | None:
     """Suffix by which the format of a file is chosen; None if it is unknown."""
-    return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), None)
+    return next((suffix for suffix in CONTAINERS if path.name.lower().endswith(suffix)), None)
 
 
 @contextmanager
@@ -127,15 +125,17 @@ _lock = threading.Lock()
 def _start() -> subprocess.Popen[bytes]:
     """Start the process that opens files."""
     package_folder = str(Path(__file__).parents[2])
-    return subprocess.Popen(
+    process = subprocess.Popen(
         # -P: files of the current folder that have the name of a module are not imported.
         [sys.executable, "-P", "-c", PROGRAM, package_folder],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        bufsize=0,
+        bufsize=0,  # of requests, of which a fork would have a copy
         start_new_session=True,
     )
+    process.stdout = io.BufferedReader(process.stdout)  # type: ignore[type-var]
+    return process
 
 
 @atexit.register
@@ -162,7 +162,6 @@ if hasattr(os, "register_at_fork"):  # where programs fork
 def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dict[str, Variable]:
     """What the other process reads of a file."""
     global _reader
-    stamp = stamp_file(path)
     size = path.stat().st_size
     if size == 0:
         raise UnreadableError("it is empty, 0 bytes")
@@ -186,36 +185,34 @@ def _ask(path: Path, task: str, case: int | None, wanted: dict[str, Any]) -> dic
             # A library has failed, or the answer may be half read, after Ctrl-C for example.
             stop()
             raise
-        finally:
-            if stamp_file(path) != stamp:
-                raise DataError(
-                    f"{path.name}: the file has changed while it was read: wait until it is whole."
-                )
 
 
 def _exchange(
     process: subprocess.Popen[bytes], request: dict[str, Any], name: str
 ) -> dict[str, Variable]:
     """Send a request about a file, and receive variables by role, or end the process if that takes too long."""
-    variables: dict[str, Variable] = {}
-    is_late = threading.Event()
-
-    def end_process() -> None:
-        is_late.set()
-        process.kill()
-
-    watch = threading.Timer(STARTING + PATIENCE * request["seconds"], end_process)
+    watch = threading.Timer(STARTING + PATIENCE * request["seconds"], process.kill)
     watch.daemon = True
     watch.start()
+    variables = {}
     try:
-        _send(process.stdin, _line(request))
-        while (answer := _receive_answer(process.stdout, variables)) is None:
-            pass
+        _send(process.stdin, request)
+        while "role" in (answer := _receive(process.stdout)):
+            samples = _receive_samples(process.stdout, answer["size"])
+            variables[answer["role"]] = Variable(
+                name=answer["name"],
+                shape=tuple(answer["shape"]),
+                read=samples.copy,
+                attributes={"unit": answer["unit"]},
+                count=answer["count"],
+            )
     except (OSError, EOFError):
         status = process.wait()
-        end = LATE if is_late.is_set() else ENDS.get(status)
-        if end is not None:
-            raise ResourceError(f"{name}: {end}; try again.") from None
+        if status in ENDED:
+            raise ResourceError(
+                f"{name}: the process that reads it did not start, was killed, or did not answer in time: free memory, "
+                "wait for other programs or a slow disk, and try again."
+            ) from None
         if status == PROFILED:
             fault = f"stopped after {request['seconds']:.0f} s, the limit for its size"
         else:
@@ -227,60 +224,34 @@ def _exchange(
         raise DataError(answer["refusal"], answer["remedy"])
     if "reason" in answer:
         raise UnreadableError(answer["reason"])
-    for text in answer["warnings"]:
-        warnings.warn(text, UserWarning, stacklevel=5)  # of the caller of read_trial
     return variables
 
 
-def _receive_answer(pipe: Any, variables: dict[str, Variable]) -> dict[str, Any] | None:
-    """Receive a variable; what else the process answers is the end."""
-    message = _receive(pipe)
-    end = message.index(b"\n") + 1
-    answer: dict[str, Any] = json.loads(message[:end])
-    if "role" not in answer:
-        return answer
-    variables[answer["role"]] = Variable(
-        name=answer["name"],
-        shape=tuple(answer["shape"]),
-        read=partial(np.frombuffer, message, "<f8", offset=end),
-        attributes={"unit": answer["unit"]},
-        count=answer["count"],
-    )
-    return None
+# --- Messages: a line of JSON, and behind it the samples of a variable
 
 
-# --- Messages over a pipe without a buffer, of which a fork would have a copy
+def _send(pipe: Any, content: dict[str, Any], samples: Any = b"") -> None:
+    """Send a line, and samples, at once."""
+    message = b"".join([json.dumps(content).encode(), b"\n", samples])
+    if pipe.write(message) < len(message):
+        raise EOFError
 
 
-def _line(content: dict[str, Any]) -> bytes:
-    """A line of JSON."""
-    return json.dumps(content).encode() + b"\n"
+def _receive(pipe: Any) -> dict[str, Any]:
+    """Receive a line."""
+    line = pipe.readline()
+    if not line.endswith(b"\n"):
+        raise EOFError
+    content: dict[str, Any] = json.loads(line)
+    return content
 
 
-def _send(pipe: Any, message: bytes) -> None:
-    """Send a message behind its length."""
-    for part in (len(message).to_bytes(LENGTH_BYTES, "little"), message):
-        rest = memoryview(part)
-        while rest:
-            rest = rest[pipe.write(rest) :]
-
-
-def _receive(pipe: Any) -> bytearray:
-    """Receive a message."""
-    length = int.from_bytes(_receive_bytes(pipe, LENGTH_BYTES), "little")
-    return _receive_bytes(pipe, length)
-
-
-def _receive_bytes(pipe: Any, length: int) -> bytearray:
-    """Receive so many bytes."""
-    message = bytearray(length)
-    rest = memoryview(message)
-    while rest:
-        count = pipe.readinto(rest)
-        if not count:
-            raise EOFError
-        rest = rest[count:]
-    return message
+def _receive_samples(pipe: Any, count: int) -> np.ndarray:
+    """Receive so many samples."""
+    samples = np.frombuffer(pipe.read(8 * count), "<f8")
+    if samples.size < count:
+        raise EOFError
+    return samples
 
 
 # --- What runs in the other process
@@ -302,75 +273,62 @@ TASKS: dict[str, Any] = {
 
 def main() -> None:
     """Answer requests until the pipe is closed."""
-    requests = io.FileIO(0)
-    answers = io.FileIO(os.dup(1), "w")
+    requests = os.fdopen(0, "rb")
+    answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
     with suppress(EOFError):
         while True:
-            request = json.loads(_receive(requests))
-            _send(answers, _line(_answer(answers, request)))
+            end = _answer(answers, _receive(requests))
+            _send(answers, end)
+            answers.flush()
 
 
 def _answer(pipe: Any, request: dict[str, Any]) -> dict[str, Any]:
     """Do a task with a file, and send the variables that it gives; its end."""
     path = Path(request["path"])
     memory = request["memory"]
+    options = {} if request["case"] is None else {"case": request["case"]}
     try:
-        container = choose_container(path, request["case"])  # a library is imported without limits
+        container = choose_container(path)  # a library is imported without limits
         _limit(request["seconds"], memory)
         has_checksum(path)
-        contents = container(path)
+        contents = container(path, **options)
         task = TASKS[request["task"]]
         for role, variable, numbers in task(contents, **request["wanted"]):
-            line = _line(
-                {
-                    "role": role,
-                    "name": variable.name,
-                    "shape": variable.shape,
-                    "unit": variable.unit,
-                    "count": variable.count,
-                }
-            )
-            _send(pipe, b"".join([line, np.ravel(numbers).data]))
-        return {"warnings": contents.warnings}
+            described = {
+                "role": role,
+                "name": variable.name,
+                "shape": variable.shape,
+                "unit": variable.unit,
+                "count": variable.count,
+                "size": numbers.size,
+            }
+            _send(pipe, described, np.ravel(numbers).data)
     except DataError as error:
         return {"refusal": str(error), "remedy": error.remedy}
+    except ImportError as error:
+        advice = "install what reads such files by: pip install ezc3d npTDMS."
+        return {"refusal": f"{path.name}: {error}: {advice}", "remedy": {}}
     except MemoryError:
         return {"reason": f"it needs more than {memory / 1e9:.1f} GB of memory"}
     except Exception as cause:  # the libraries raise almost anything on a damaged file
         return {"reason": _describe(cause)}
     finally:
         _limit(0.0, memory)
+    return {}
 
 
-def choose_container(path: Path, case: int | None) -> Callable[[Path], Contents]:
+def choose_container(path: Path) -> Callable[..., Contents]:
     """Class that opens a file; its module imports the libraries of the format."""
-    suffix = str(find_suffix(path))
-    if case is not None and suffix != ".flb":
-        raise DataError(f"{path.name}: case chooses a trial of an .flb file: leave it out.")
-    if suffix in TABLES:
-        from ankleloop.trials.csv_files import CsvContents
-
-        return CsvContents
-    if suffix in (".c3d", ".tdms"):
-        from ankleloop.trials.recorder_files import find_container
-
-        return find_container(path, suffix)
-    from ankleloop.trials.binary_files import (
-        ClassicNetcdfContents,
-        FlbContents,
-        Hdf5Contents,
-        MatContents,
-    )
-
+    module, name = CONTAINERS[str(find_suffix(path))]
     with open(path, "rb") as file:
-        start = file.read(MATLAB_HEADER + len(HDF5_SIGNATURE))
-    if HDF5_SIGNATURE in (start[: len(HDF5_SIGNATURE)], start[MATLAB_HEADER:]):
-        return Hdf5Contents
-    if suffix == ".flb":
-        return partial(FlbContents, case=case)
-    containers = {".mat": MatContents, ".nc": ClassicNetcdfContents}
-    return containers.get(suffix, Hdf5Contents)
+        start = file.read(4)
+    if start == b"\x89HDF":
+        module, name = CONTAINERS[".h5"]
+    elif start.startswith(b"CDF") and name == "Hdf5Contents":
+        module, name = "classic_netcdf_files", "ClassicNetcdfContents"
+    container: Callable[..., Contents] = getattr(import_module(f"ankleloop.trials.{module}"), name)
+    return container
 
 
 def _limit(seconds: float, memory: int) -> None:
@@ -379,8 +337,9 @@ def _limit(seconds: float, memory: int) -> None:
     The limit of the memory is one of the address space, in which mapped files count, too.
     """
     if hasattr(signal, "setitimer"):  # not on Windows
-        signal.setitimer(signal.ITIMER_PROF, seconds)  # of the processor; they end the process
-        signal.setitimer(signal.ITIMER_REAL, PATIENCE * seconds)
+        signal.setitimer(
+            signal.ITIMER_PROF, seconds
+        )  # of the processor; its end is that of the process
     with suppress(ImportError, OSError, ValueError):  # not on Linux, or above a limit of the system
         import resource
 

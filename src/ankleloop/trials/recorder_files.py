@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
-from ankleloop.errors import DataError
 from ankleloop.signals.sampling import rate_of_interval
 from ankleloop.trials.contents import Contents, Variable
 from ankleloop.trials.files import UnreadableError
@@ -17,10 +15,8 @@ from ankleloop.trials.files import UnreadableError
 class C3dContents(Contents):
     """Analog channels of a C3D file, scaled, at the rate of these channels."""
 
-    kind = "channels"
-
     def __init__(self, path: Path) -> None:
-        import ezc3d
+        import ezc3d  # an extra
 
         super().__init__(path)
         content = ezc3d.c3d(str(path))
@@ -41,10 +37,8 @@ class C3dContents(Contents):
 class TdmsContents(Contents):
     """Channels of the groups of a TDMS file, scaled, by the names `group/channel`."""
 
-    kind = "channels"
-
     def __init__(self, path: Path) -> None:
-        import nptdms
+        import nptdms  # an extra
 
         super().__init__(path)
         intervals = set()
@@ -60,18 +54,3 @@ class TdmsContents(Contents):
                 self.variables.append(Variable(name, (len(channel),), read, attributes))
         if len(intervals) == 1 and None not in intervals:
             self.file_attributes = {"sampling_rate": rate_of_interval(intervals.pop())}
-
-
-CONTAINERS = {".c3d": ("ezc3d", C3dContents), ".tdms": ("nptdms", TdmsContents)}
-
-
-def find_container(path: Path, suffix: str) -> type[Contents]:
-    """Class that opens a file; its library, which is optional, is imported."""
-    library, container = CONTAINERS[suffix]
-    try:
-        import_module(library)
-    except ImportError:
-        raise DataError(
-            f"{path.name}: {suffix} files are read by the package {library}: install it by: pip install ezc3d npTDMS."
-        ) from None
-    return container

@@ -24,10 +24,10 @@ from ankleloop.signals.sampling import (
 )
 from ankleloop.trials.channels import CHANNELS, VARIABLES
 from ankleloop.trials.contents import Variable
-from ankleloop.trials.units import check_unit, find_position_unit
+from ankleloop.trials.units import find_factor, find_position_unit
 
 REQUIRED = ("position", "torque")
-SMALLEST_SPREAD, LARGEST_SAMPLE = 1e-15, 1e15  # of a channel, rad or N·m
+SMALLEST_SPREAD, LARGEST_SPREAD = 1e-15, 1e15  # of a channel, rad or N·m
 MAX_SPEED = 20.0  # rad/s: no joint moves faster; a position that does is usually in degrees
 MAX_DEGREE = 10  # of a drift
 
@@ -91,11 +91,9 @@ def new_trial(
             arrays[name] = as_samples(value, name, source=source)
             if name in CHANNELS or name.startswith("torque"):
                 given = None if name.startswith("torque") else position_unit
-                check_unit(name, name, _unit_of(value), given, source=source)
-            if name in ("position", "reference") and position_unit == "deg":
-                arrays[name] = np.radians(arrays[name])
+                arrays[name] *= find_factor(name, name, _unit_of(value), given, source=source)
         else:
-            attributes[name] = _as_attribute(np.asarray(value).item(), name, source)
+            attributes[name] = _as_attribute(value, name, source)
     check_sizes({name: array.size for name, array in arrays.items()}, source=source)
     time = np.arange(arrays["position"].size) / rate
     variables = {name: ("time", array, _describe(name)) for name, array in arrays.items()}
@@ -206,12 +204,13 @@ def check_shape(shape: tuple[int, ...], name: str, *, source: str) -> int:
 
 def _as_attribute(value: Any, name: str, source: str) -> int | float | str:
     """An int, a float or a str, the types that every NetCDF library writes."""
-    if isinstance(value, bool):
-        return int(value)
-    if isinstance(value, float | str) or (isinstance(value, int) and -(2**63) <= value < 2**63):
-        return value
+    plain = np.asarray(value).item()
+    if isinstance(plain, bool):
+        return int(plain)
+    if isinstance(plain, float | str) or (isinstance(plain, int) and abs(plain) < 2**63):
+        return plain
     raise DataError(
-        f"{source}: the attribute {name} is {value!r}, which NetCDF cannot keep: pass a string, a float or a 64-bit "
+        f"{source}: the attribute {name} is {plain!r}, which NetCDF cannot keep: pass a string, a float or a 64-bit "
         "integer."
     )
 
@@ -249,7 +248,7 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
                 "one float64 for each time: make the trial with new_trial; put numbers into attrs."
             )
         if name in CHANNELS or name.startswith("torque"):
-            check_unit(name, name, str(variable.attrs.get("units", "")), source=source)
+            find_factor(name, name, str(variable.attrs.get("units", "")), source=source)
     time = trial.variables["time"].values
     measured = compute_rate(time, source=source)
     rate = parse_rate(trial.attrs.get("sampling_rate", measured), source=source)
@@ -263,17 +262,15 @@ def _check_samples(
     samples: Mapping[str, np.ndarray], rate: float, start: float, source: str
 ) -> None:
     """Refuse samples that are not finite, channels that are constant, and speeds that no joint reaches."""
-    limits = {name: (values.min(), values.max()) for name, values in samples.items()}
-    for name, (low, high) in limits.items():
-        if not (np.isfinite(low) and np.isfinite(high)):
-            missing = np.flatnonzero(~np.isfinite(samples[name]))
+    for name, values in samples.items():
+        missing = np.flatnonzero(~np.isfinite(values))
+        if missing.size:
             raise DataError(
                 f"{source}: {name} is not finite at sample {missing[0]} ({start + missing[0] / rate:g} s), "
                 f"{format_samples(missing.size)} in all: cut the trial there or repair the channel."
             )
-    for name in CHANNELS:
-        if name in samples:
-            _check_spread(name, *limits[name], samples[name].size, source)
+        if name in CHANNELS:
+            _check_spread(name, values, source)
     sample, speed = peak_speed(samples["position"], rate)
     if not speed <= MAX_SPEED:
         raise DataError(
@@ -301,23 +298,17 @@ def peak_speed(position: np.ndarray, rate: float) -> tuple[int, float]:
     return half + sample, speed
 
 
-def _check_spread(name: str, low: float, high: float, size: int, source: str) -> None:
-    """Refuse a channel that is constant, or that computers cannot hold the squares of with all digits."""
+def _check_spread(name: str, values: np.ndarray, source: str) -> None:
+    """Refuse a channel that is constant, or has numbers of which no computer holds the squares."""
     with np.errstate(over="ignore"):
-        spread = high - low
-        largest = max(-low, high)
+        spread = np.ptp(values)
     # Rounding alone makes a filtered constant vary, far below the resolution of any converter.
-    if spread <= 1e-12 * largest:
+    if spread <= 1e-12 * np.max(np.abs(values)):
         advice = "leave it out, or check" if name == "reference" else "check"
         raise DataError(
-            f"{source}: {name} is constant ({low:g} at all {format_samples(size)}): {advice} the channel."
+            f"{source}: {name} is constant ({values[0]:g} at all {format_samples(values.size)}): {advice} the channel."
         )
-    if spread < SMALLEST_SPREAD:
-        fault = f"varies by {spread:.3g}"
-    elif largest > LARGEST_SAMPLE:
-        fault = f"reaches {largest:.3g}"
-    else:
-        return
-    raise DataError(
-        f"{source}: {name} {fault}, and no channel of a joint does: check its unit and its scale."
-    )
+    if not SMALLEST_SPREAD < spread < LARGEST_SPREAD:
+        raise DataError(
+            f"{source}: {name} varies by {spread:.3g}, and no channel of a joint does: check its unit and its scale."
+        )

@@ -101,33 +101,34 @@ def split_unit(name: str, units: Container[str] = CHANNEL_UNITS) -> tuple[str, s
     return whole, ""
 
 
-def find_factor(unit: str | float) -> float:
-    """Factor that brings a channel to N·m or rad, of a unit by name, or as it is."""
-    return unit if isinstance(unit, float) else {**TORQUE_UNITS, **POSITION_UNITS}[unit]
-
-
 def find_position_unit(name: str, stated: str) -> str | None:
     """Unit of a position as the file states it, or else its name; None where it is read with an option only."""
     unit = normalise_unit(stated or split_unit(name)[1])
     return unit if unit in ("rad", "deg") else None
 
 
-def check_unit(
+def find_factor(
     role: str, name: str, stated: str, given: str | float | None = None, *, source: str
-) -> None:
-    """Refuse a channel whose unit, as the file states it, is another one than it is read with.
+) -> float:
+    """How much N·m, or rad, 1 is in a channel; one whose unit, as the file states it, is not the given one is refused.
 
     Without an option it is read in rad or N·m. An option settles what a name has in brackets, if that is no unit; a
-    number, how much 1 is in the file, settles all.
+    number, how much 1 is in the file, settles all but an offset.
     """
     option, usual, factors = "position_unit", "rad", POSITION_UNITS
     if role.startswith("torque"):
         option, usual, factors = "torque_unit", "N·m", TORQUE_UNITS
+    if "offset = " in stated.lower():
+        raise DataError(
+            f"{source}: {name} has {stated} according to the file, which no option applies: apply it to the samples, "
+            "and make the trial with new_trial."
+        )
     expected = given or usual
+    factor = expected if isinstance(expected, float) else factors[expected]
     unit = normalise_unit(stated or split_unit(name)[1])
     is_settled = given is not None and not stated and not is_unit(unit)
     if unit in ("", expected) or isinstance(given, float) or is_settled:
-        return
+        return factor
     if unit in factors:
         advice = f", but {option} is {expected!r}: pass {option}={unit!r} (1 {unit} = {factors[unit]:.6g} {usual})"
     else:

@@ -5,7 +5,7 @@ import pytest
 from bad_inputs.flb_files import POSITION, RATE, TORQUE, flb_case
 
 from ankleloop import DataError, read_trial
-from ankleloop.trials.binary_files import FlbContents
+from ankleloop.trials.flb_files import FlbContents
 
 
 def write(path, *cases):
@@ -54,7 +54,7 @@ def test_realizations_have_numbers(tmp_path):
 
 
 def test_channels_of_one_name(tmp_path):
-    with pytest.raises(DataError, match=r"S1.flb: 2 channels are called 'POS': give each a name"):
+    with pytest.raises(DataError, match=r"S1.flb: 2 variables are called 'POS': give each a name"):
         read_trial(
             write(tmp_path / "S1.flb", flb_case(names=("POS", "POS"))),
             position="POS",

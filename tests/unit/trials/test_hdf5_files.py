@@ -79,6 +79,6 @@ def test_a_rate_in_khz(path):
         file["data/position"], file["data/sampling_rate"] = P, 0.5
         del file["data"].attrs["fs"]
         file["data/sampling_rate"].attrs["units"] = "kHz"
-    with pytest.raises(DataError, match=r"data/sampling_rate is 0.5 kHz, not a number in Hz") as e:
+    with pytest.raises(DataError, match=r"data/sampling_rate is in kHz, not in Hz") as e:
         read_trial(path, position="data/position")
     assert e.value.remedy == {"sampling_rate": None}

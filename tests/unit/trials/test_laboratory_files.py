@@ -199,7 +199,6 @@ def clock(start, form):
         ("X [s]", T),
         ("seconds", T),
         ("time", clock("2026-01-01 10:00", "%H:%M:%S.%f")),
-        ("Time", clock("2026-01-01 23:59:59.9", "%H:%M:%S.%f")),
         ("date and time", clock("2026-01-01 10:00", "%H:%M:%S.%f")),
         ("time_ms", clock("2026-01-31 23:59:59.9", "%Y-%m-%d %H:%M:%S.%f")),
         ("timestamp", clock("2026-01-01 10:00", "%d/%m/%Y %I:%M:%S.%f %p")),

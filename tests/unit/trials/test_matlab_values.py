@@ -127,9 +127,7 @@ def test_units_of_nldat_that_are_others(write, units, fault):
 def test_channels_of_nldat_without_names_of_their_own(write):
     path = write(z=nldat(names=("ch", "ch")))
     assert_signals(read_trial(path, position="z.dataSet[:, 0]", torque="z.dataSet[:, 1]"))
-    with pytest.raises(
-        DataError, match=r"the file has: z.dataSet \(300, 2\) .*'z.dataSet\[:, 0\]'"
-    ):
+    with pytest.raises(DataError, match=r"the file has: z.dataSet \(300, 2\).*'z.dataSet\[:, 0\]'"):
         read_trial(path)
 
 
@@ -137,7 +135,7 @@ def test_realizations_of_nldat(write):
     samples = np.stack([np.column_stack([-P, -TQ]), np.column_stack([P, TQ])], axis=-1)
     path = write(z=nldat(samples=samples))
     assert_signals(read_trial(path, position="z.pos[:, 1]", torque="z.tq[:, 1]"))
-    with pytest.raises(DataError, match=r"z.pos \(300, 2\) .* is no single channel"):
+    with pytest.raises(DataError, match=r"z.pos \(300, 2\) is no single channel"):
         read_trial(path)
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import scipy.io
 import xarray as xr
+from matio import save_to_mat
 
 from ankleloop.errors import DataError
 from ankleloop.trials.readers import read_trial
@@ -20,10 +21,8 @@ ROWS = {"position": np.stack([-P, P]), "torque": np.stack([-TQ, TQ])}
 
 def write_matlab(path, variables):
     """A MATLAB v7.3 file, which has the axes of a matrix in reverse."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        for name, values in variables.items():
-            file[name] = np.asarray(values).T
-            file[name].attrs["MATLAB_class"] = np.bytes_("double")
+    arrays = {name: np.atleast_2d(values) for name, values in variables.items()}
+    save_to_mat(path, arrays, version="v7.3")
 
 
 def write_hdf5(path, variables):
@@ -72,9 +71,7 @@ def test_columns_of_a_matrix(write):
     trial = read_trial(path, position="data[:,1]", torque="data[:, 2]")
     assert_signals(trial)
     assert trial.attrs["position_variable"] == "data[:, 1]"
-    with pytest.raises(
-        DataError, match=r"the file has: data \(300, 3\) \(first samples 0, 0, 3\).*'data\[:, 0\]'"
-    ) as e:
+    with pytest.raises(DataError, match=r"the file has: data \(300, 3\).*'data\[:, 0\]'") as e:
         read_trial(path)
     assert e.value.remedy == {"position": None}
 
@@ -82,7 +79,7 @@ def test_columns_of_a_matrix(write):
 def test_trials_in_rows(write):
     path = write(**ROWS, fs=RATE)
     assert_signals(read_trial(path, position="position[1, :]", torque="torque[1]"))
-    with pytest.raises(DataError, match=r"position \(2, 300\) .* is no single channel") as e:
+    with pytest.raises(DataError, match=r"position \(2, 300\) is no single channel") as e:
         read_trial(path)
     assert_signals(read_trial(path, **e.value.remedy), -1.0)
     options = ReadingOptions(position="position[*, :]", torque="torque[*, :]")
@@ -94,7 +91,7 @@ def test_trials_in_rows(write):
 def test_parts_that_do_not_exist(write, part):
     path = write(data=COLUMNS, fs=RATE)
     with pytest.raises(
-        DataError, match=r"there is no variable 'data\[.*; the file has: data \(300"
+        DataError, match=r"no variable 'data\[.*: data \(300.* counted from 0, and not from the end"
     ):
         read_trial(path, position=part, torque="data[:, 2]")
 
@@ -162,5 +159,7 @@ def test_one_part_in_two_spellings():
 def test_a_single_number_is_no_channel(write, name):
     path = write(**{"position": P, "torque": TQ, "fs": RATE, name: np.float64(3.0)})
     for stated in (None, "position"):
-        with pytest.raises(DataError, match=rf"{name} (is a single number|has shape|has 1)"):
+        with pytest.raises(
+            DataError, match=r"(no variable with samples|has 1 sample|but position has 1)"
+        ):
             read_trial(path, position=stated)

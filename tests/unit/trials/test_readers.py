@@ -34,7 +34,7 @@ def write_csv(path, **columns):
     return path
 
 
-def write_v73(path, tree, attributes=()):
+def write_v73(path, tree):
     """An HDF5 file as MATLAB writes it: a header in a user block, arrays transposed, structs as groups."""
 
     def write(group, name, value):
@@ -51,8 +51,6 @@ def write_v73(path, tree, attributes=()):
         for name, value in tree.items():
             write(file, name, value)
         file.create_group("#refs#")["a"] = np.zeros((1, 2))
-        for name, attribute, value in attributes:
-            file[name].attrs[attribute] = value
     with open(path, "r+b") as file:
         file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
     return path
@@ -84,11 +82,8 @@ def write_mat(path, **options):
     {
         "pandas.csv": write_csv,
         "v4.mat": lambda path: write_mat(path, format="4"),
-        "row.mat": lambda path: write_v73(
-            path, {"position": P[None, :], "torque": TQ[None, :], "fs": RATE}
-        ),
-        "column.mat": lambda path: write_v73(
-            path, {"position": P[:, None], "torque": TQ[:, None], "fs": RATE}
+        "v73.mat": lambda path: write_v73(
+            path, {"position": P[None, :], "torque": TQ[:, None], "fs": RATE}
         ),
         "a.h5": write_hdf5,
         "a.hdf5": write_hdf5,
@@ -167,10 +162,7 @@ def test_variables_that_are_something_else_leave_no_choice(tmp_path):
 def test_single_numbers_and_empty_variables_are_no_channels(tmp_path):
     columns = {"position": P, "torque": TQ, "ref": 1.0, "command": [], "fs": RATE}
     scipy.io.savemat(tmp_path / "a.mat", columns)
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.update(columns)
-    for name in ("a.mat", "a.h5"):
-        assert "reference" not in read_trial(tmp_path / name)
+    assert "reference" not in read_trial(tmp_path / "a.mat")
 
 
 # --- CSV
@@ -183,59 +175,36 @@ def test_csv_with_blanks_empty_lines_and_byte_order_mark(tmp_path):
     assert_signals(read_trial(tmp_path / "a.csv", sampling_rate=RATE))
 
 
-@pytest.mark.parametrize("compressed", [False, True])
-@pytest.mark.parametrize("blank", [False, True])
-def test_text_in_a_cell_is_located_by_its_line(tmp_path, compressed, blank):
+def test_text_in_a_cell_is_located_by_its_line(tmp_path):
     lines = ["time,position,torque", *(f"{t},{p},{tq}" for t, p, tq in zip(T, P, TQ, strict=True))]
     lines[11] = f"{T[10]},n.v.t.,{TQ[10]}"
-    if blank:
-        lines[5:5] = ["", ""]
-    path = tmp_path / ("a.csv.gz" if compressed else "a.csv")
-    with (gzip.open if compressed else open)(path, "wt", encoding="utf-8") as file:
+    lines[5:5] = ["", ""]
+    with gzip.open(tmp_path / "a.csv.gz", "wt", encoding="utf-8") as file:
         file.write("\n".join(lines))
-    line = 14 if blank else 12
     with pytest.raises(
-        DataError,
-        match=rf"^{path.name}: position is not a number in line {line} but 'n.v.t.': correct",
+        DataError, match=r"^a.csv.gz: position is not a number in line 14 but 'n.v.t"
     ):
-        read_trial(path)
+        read_trial(tmp_path / "a.csv.gz")
 
 
 # --- MATLAB
 
 
-def test_mat_v5_struct(tmp_path):
-    data = {"rec": {"ankle": {"pos": P, "tq": TQ, "cmd": R}, "Fs": RATE, "name": "S1"}, "fs": 1.0}
-    scipy.io.savemat(tmp_path / "a.mat", data)
+@pytest.mark.parametrize("write", [scipy.io.savemat, write_v73])
+def test_structs_of_matlab(tmp_path, write):
+    ankle = {"pos": P, "tq": TQ, "cmd": R}
+    write(tmp_path / "a.mat", {"rec": {"ankle": ankle, "Fs": RATE}, "fs": 1.0})
     names = {"position": "rec.ankle.pos", "torque": "rec.ankle.tq", "reference": "rec.ankle.cmd"}
     assert_signals(read_trial(tmp_path / "a.mat", **names))
-    with pytest.raises(
-        DataError,
-        match=r"there is no variable 'rec.pos'; the file has: rec.ankle.pos, rec.ankle.tq, ",
-    ):
-        read_trial(tmp_path / "a.mat", position="rec.pos", torque="rec.ankle.tq")
+    assert_signals(read_trial(tmp_path / "a.mat"))  # by their names
+    with pytest.raises(DataError, match=r"no variable 'rec.pos'; the file has: .*rec.ankle.pos, "):
+        read_trial(tmp_path / "a.mat", position="rec.pos")
 
 
-def test_mat_v5_with_structs_of_any_shape_beside_the_channels(tmp_path):
+def test_structs_of_any_shape_beside_the_channels(tmp_path):
     cells = np.array([{"a": P}, np.array([{"a": P}, {"a": P}], dtype=object)], dtype=object)
     scipy.io.savemat(tmp_path / "a.mat", {"rec": {"pos": P, "tq": TQ, "Fs": RATE, "cells": cells}})
-    with pytest.raises(
-        DataError, match=r"no variable 'rec.cells'; the file has: .* rec.cells\[\*\].a \("
-    ):
-        read_trial(tmp_path / "a.mat", position="rec.cells", torque="rec.tq")
-
-
-def test_mat_v73_struct(tmp_path):
-    path = write_v73(
-        tmp_path / "a.mat", {"rec": {"ankle": {"pos": P, "tq": TQ}, "Fs": RATE}, "fs": 1.0}
-    )
-    assert_signals(read_trial(path, position="rec.ankle.pos", torque="rec.ankle.tq"))
-    assert_signals(read_trial(path))  # by their names
-    with pytest.raises(
-        DataError,
-        match=r"no variable 'pos'; the file has: fs, rec.Fs, rec.ankle.pos, rec.ankle.tq\.",
-    ):
-        read_trial(path, position="pos")
+    assert_signals(read_trial(tmp_path / "a.mat"))
 
 
 # --- HDF5
@@ -277,7 +246,6 @@ def test_true_torques_of_a_netcdf_trial(tmp_path):
     ("attributes", "shown"),
     [
         ({"UNITS": "degs"}, "degs"),
-        ({"units": np.array([57.3])}, "[57.3]"),
         ({"units": 57}, "57"),
         ({"Unit": "radians", "units": "rad", "unit": ""}, None),
         ({"unit": "deg", "units": "rad"}, "deg and rad"),

@@ -54,13 +54,13 @@ def replace_reader(monkeypatch):
             import os, signal, sys, time
             sys.path.insert(0, sys.argv[1])
             from ankleloop.trials import reading_process
-            from ankleloop.trials.binary_files import MatContents
+            from ankleloop.trials.matlab_files import MatContents
             class Reader(MatContents):
                 def __init__(self, path):
                     if path.name == "a.mat":
                         {statement}
                     super().__init__(path)
-            reading_process.choose_container = lambda path, case: Reader
+            reading_process.choose_container = lambda path: Reader
             reading_process.main()
         """
         monkeypatch.setattr(reading_process, "PROGRAM", textwrap.dedent(program))
@@ -85,24 +85,13 @@ def test_a_crash_refuses_the_file_and_no_other(tmp_path):
 
 
 @pytest.mark.posix
-def test_a_slow_disk_says_nothing_about_the_file(tmp_path, replace_reader, monkeypatch):
-    monkeypatch.setattr(reading_process, "SECONDS", 0.02)
-    replace_reader("time.sleep(600)")
-    with pytest.raises(
-        ResourceError,
-        match=r"^a.mat: it was not read in time: the computer is busy, or the disk slow",
-    ):
-        read_trial(write_mat(tmp_path / "a.mat"))
-
-
-@pytest.mark.posix
 def test_a_process_that_never_answers(tmp_path, replace_reader, monkeypatch):
     monkeypatch.setattr(reading_process, "SECONDS", 0.01)
     monkeypatch.setattr(reading_process, "STARTING", 4.0)
     replace_reader(
         "os.kill(os.getpid(), signal.SIGSTOP)"
     )  # it stops, and no clock of its own goes on
-    with pytest.raises(ResourceError, match=r"^a.mat: it was not read in time"):
+    with pytest.raises(ResourceError, match=r"^a.mat: .* did not answer in time"):
         read_trial(write_mat(tmp_path / "a.mat"))
     monkeypatch.setattr(reading_process, "SECONDS", 10.0)
     assert_reads(write_mat(tmp_path / "b.mat"))
@@ -153,9 +142,7 @@ def test_a_reader_that_the_system_kills_says_nothing_about_the_file(tmp_path, re
     """As where memory is short."""
     replace_reader("os.kill(os.getpid(), 9)")
     for read in (read_trial, load_estimate):
-        with pytest.raises(
-            ResourceError, match=r"a.mat: the process .* was killed \(SIGKILL\), .*: free memory"
-        ):
+        with pytest.raises(ResourceError, match=r"a.mat: the process .* was killed.*: free memory"):
             read(write_mat(tmp_path / "a.mat"))
 
 

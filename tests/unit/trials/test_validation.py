@@ -51,51 +51,29 @@ def test_peak_speed_is_the_slope_of_a_ramp(rate):
     assert 0.4 < time[sample] < 0.6
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda t: t.assign(position=t.position.astype("float32")),
-            "position is of type float32 .*, not one float64 for each time: make",
-        ),
-        (
-            lambda t: {"position": POSITION},
-            "a trial is an xarray.Dataset, not dict: make it with new_trial",
-        ),
-    ],
-    ids=["type", "mapping"],
-)
-def test_other_forms_are_refused(trial, change, message):
-    with pytest.raises(DataError, match=message):
-        validate(change(trial))
+def test_another_type_is_refused(trial):
+    single = trial.assign(position=trial.position.astype("float32"))
+    with pytest.raises(
+        DataError, match=r"position is of type float32 .*, not one float64 for each"
+    ):
+        validate(single)
 
 
 def test_a_trial_with_times_needs_no_sampling_rate(trial):
     assert validate(trial.drop_attrs()).attrs == {"sampling_rate": RATE}
 
 
-def _with_time(trial, time):
-    return trial.assign_coords(time=("time", time))
-
-
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("sample", "message"),
     [
-        (
-            lambda t: np.where(np.arange(500) == 300, t + 4e-5, t),
-            r"irregular at sample 300 \(0.30004 s\)",
-        ),
-        (
-            lambda t: np.where(np.arange(500) == 300, np.nan, t),
-            r"time is not finite at sample 300: repair",
-        ),
-        (lambda t: t[::-1], "irregular at sample 1 "),
+        (0.30004, r"irregular at sample 300 \(0.30004 s\)"),
+        (np.nan, "not finite at sample 300: rep"),
     ],
-    ids=["jitter", "nan", "backwards"],
 )
-def test_time_must_be_regular(trial, change, message):
+def test_time_must_be_regular(trial, sample, message):
+    time = np.where(np.arange(500) == 300, sample, T)
     with pytest.raises(DataError, match=message):
-        validate(_with_time(trial, change(trial.time.to_numpy())))
+        validate(trial.assign_coords(time=("time", time)))
 
 
 def test_time_in_single_precision_is_regular():
@@ -114,6 +92,6 @@ def test_numbers_that_no_joint_has_are_refused(factor, name):
     }
     channels[name] = factor * channels[name]
     with pytest.raises(
-        DataError, match=rf"{name} (varies by|reaches) .*no channel of a joint does: check its unit"
+        DataError, match=rf"{name} varies by .*no channel of a joint does: check its unit"
     ):
         new_trial(**channels, sampling_rate=100.0)
