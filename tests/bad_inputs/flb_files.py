@@ -43,7 +43,7 @@ def flb_case(version=4, kind=4, names=("POS", "TQ"), comment="", scale=1.0, real
 
 
 WHOLE = flb_case()
-CASES = "a.flb: there are 2 cases: choose one by the option case. case 1: POS, TQ, 0.4 s at 1000 Hz"
+CASES = "a.flb: there are 2 cases: choose one by the option case. case 1, ''; case 2, ''."
 
 row = rows_of(read_trial)
 read_case_3 = partial(read_trial, case=3)

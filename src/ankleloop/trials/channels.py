@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -85,9 +85,8 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `CHANNEL_WORDS`:
     `ankle_angle` and `AnkleAngle` are positions, `angle_command` is a reference.
     """
-    fitting = [
-        name for name in names if _channel_of(name) == channel and _has_samples(contents, name)
-    ]
+    called = [name for name in names if _channel_of(name) == channel]
+    fitting = _list_with_samples(contents, called)
     if len(fitting) == 1:
         return fitting[0]
     if channel == "reference" and not fitting:
@@ -96,22 +95,19 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     fault = f"no variable with samples is called {words}, so that it would be the {channel}"
     if fitting:
         fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}"
-    others = [name for name in contents.names() if _has_samples(contents, name)]
-    matrices = [variable for variable in map(contents.require, others) if variable.is_matrix]
-    part = f", or a part of one, as {matrices[0].name_channel()!r}" if matrices else ""
+    others = _list_with_samples(contents, contents.names())
+    parts = [each.name_channel() for each in map(contents.find, others) if each and each.is_matrix]
+    part = f", or a part of one, as {parts[0]!r}" if parts else ""
     raise DataError(
         f"{contents.path.name}: {fault}; the file has: {contents.describe(others)}. Name one of these{part}.",
         remedy={channel: None},
     )
 
 
-def _has_samples(contents: Contents, name: str) -> bool:
-    """Whether a variable may be a channel, no single number; what cannot be read is refused where it is wanted."""
-    try:
-        variable = contents.find(name)
-    except DataError:
-        return True
-    return variable is not None and math.prod(variable.shape) > 1
+def _list_with_samples(contents: Contents, names: Iterable[str]) -> list[str]:
+    """Names of variables that may be channels, no single numbers."""
+    variables = {name: contents.find(name) for name in names}
+    return [name for name, each in variables.items() if each and math.prod(each.shape) > 1]
 
 
 def _channel_of(name: str) -> str | None:
@@ -172,7 +168,7 @@ def read_channels(
     position = selected["position"].name.lstrip("/")
     if time == FOUND:
         taken = [variable.name for variable in selected.values()]
-        time = next(_find_times(contents, position, taken), None)
+        time = _find_times(contents, position, taken)
     if time not in (None, NONE):
         yield (TIME, *_read_times(contents, contents.require(time)))
     stated = _find_rate(contents, position, rate)
@@ -189,7 +185,7 @@ def _check_channels(contents: Contents, channels: Mapping[str, Variable]) -> Non
     }
     for role, part in parts.items():
         raise DataError(
-            f"{contents.path.name}: {contents.describe([channels[role].name])} is no single channel: name one, counted "
+            f"{contents.path.name}: {channels[role]} is no single channel: name one, counted "
             f"from 0, as {role}={part!r}. Where several recordings can be, a * in place of its number stands for all.",
             remedy=parts,
         )
@@ -209,17 +205,17 @@ def _describe(contents: Contents, variable: Variable) -> Variable:
     return replace(variable, attributes=attributes)
 
 
-def _find_times(contents: Contents, position: str, taken: Sequence[str]) -> Iterator[str]:
-    """Names of what may be the times, the nearest to the position first."""
-    names = [name for name in _list_own(contents, position) if name not in taken]
+def _find_times(contents: Contents, position: str, taken: Sequence[str]) -> str | None:
+    """Name of what may be the times, the nearest to the position; None if there is nothing."""
+    own = [name for name in _list_own(contents, position) if name not in taken]
+    names = _list_with_samples(contents, own)
     for prefix in contents.prefixes(position):
-        for name in names:
-            is_beside = contents.prefixes(name)[1] == prefix
-            if is_beside and _has_samples(contents, name):
-                with suppress(DataError):
-                    unit = contents.require(name).unit
-                    if is_time(name.removeprefix(prefix)) or is_time(unit):
-                        yield name
+        for variable in filter(None, map(contents.find, names)):
+            name = variable.name
+            says_time = is_time(name.removeprefix(prefix)) or is_time(variable.unit)
+            if says_time and contents.prefixes(name)[1] == prefix:
+                return name
+    return None
 
 
 def _read_times(contents: Contents, variable: Variable) -> tuple[Variable, np.ndarray]:

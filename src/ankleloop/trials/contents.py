@@ -44,6 +44,13 @@ class Variable:
         None  # of the trials for which its name has a *; shape and samples are those of the first
     )
 
+    def __str__(self) -> str:
+        """Name for a message, with its shape where it is no vector."""
+        name = self.name if self.name.isprintable() else repr(self.name)
+        if self.count is not None:
+            return f"{name} ({self.count} of {self.shape})"
+        return f"{name} {self.shape}" if self.is_matrix else name
+
     def part(self, text: str) -> Variable:
         """A row, a column or an element, as `:, 2`, with this behind its name."""
         places = [place.strip() for place in text.split(",")]
@@ -105,6 +112,9 @@ class Contents:
         self.variables: list[Variable] = []
         self.file_attributes: Mapping[str, Any] = {}
 
+    def close(self) -> None:
+        """Close the file, where it is open."""
+
     @cached_property
     def _by_name(self) -> dict[str, list[Variable]]:
         """Variables by full name; damaged and careless files have several of one."""
@@ -137,13 +147,8 @@ class Contents:
         return replace(first, name=name, count=1 + len(list(numbers)))
 
     def open(self, name: str) -> Variable | None:
-        """Variable of a full name, parts of a matrix aside; None if there is none."""
-        variables = self._by_name.get(name, [])
-        if len(variables) > 1:
-            raise DataError(
-                f"{self.path.name}: {len(variables)} variables are called {name!r}: give each a name of its own."
-            )
-        return variables[0] if variables else None
+        """Variable of a full name, the first one of several, parts of a matrix aside; None if there is none."""
+        return self._by_name.get(name, [None])[0]
 
     def names(self) -> list[str]:
         """Full names of the variables, with a * for the numbers of all trials of MATLAB."""
@@ -170,6 +175,11 @@ class Contents:
 
     def require(self, name: str) -> Variable:
         """Variable of a name; a leading slash, as HDF5 tools show it, does not matter."""
+        same = len(self._by_name.get(name, []))
+        if same > 1:
+            raise DataError(
+                f"{self.path.name}: {same} variables are called {name!r}: give each a name of its own."
+            )
         variable = self.find(name) or self.find(name.lstrip("/"))
         if variable is not None:
             return variable
@@ -180,21 +190,10 @@ class Contents:
         )
 
     def describe(self, names: Iterable[str]) -> str:
-        """The first names of variables, for a message, with the shapes of those that are no vectors."""
-        shown = [self._describe_variable(name) for name in islice(names, LISTED_NAMES + 1)]
+        """The first variables of some names, for a message."""
+        shown = [str(self.find(name)) for name in islice(names, LISTED_NAMES + 1)]
         text = ", ".join(shown[:LISTED_NAMES])
         return f"{text} and more" if len(shown) > LISTED_NAMES else text or "none"
-
-    def _describe_variable(self, name: str) -> str:
-        """Name of a variable with its shape, where it is no vector."""
-        text = name if name.isprintable() else repr(name)
-        with suppress(DataError):
-            variable = self.find(name)
-            if variable is not None and variable.count is not None:
-                return f"{text} ({variable.count} of {variable.shape})"
-            if variable is not None and variable.is_matrix:
-                return f"{text} {variable.shape}"
-        return text
 
     def find_number(self, prefix: str, name: str) -> Variable | None:
         """Variable of a number beside others, in each of its samples or some, or else attribute; None without any."""

@@ -19,7 +19,7 @@ from ankleloop.errors import DataError
 from ankleloop.trials.contents import Contents, Variable
 from ankleloop.trials.units import is_unit
 
-LAST_LINES = 101  # whose digits are compared
+LAST_LINES = 100  # whose digits are compared
 FIRST_LINES = 1000  # in which the names and the first numbers are
 DELIMITERS = {";": "semicolons", "\t": "tabs", ",": "commas"}
 # Arrow, which has the text of columns otherwise, takes more address space than a file may.
@@ -41,8 +41,7 @@ class CsvContents(Contents):
         self._encoding = "utf-16" if b"\0" in self._content[:4] else "utf-8-sig"
         first_lines = list(islice(self._lines(), FIRST_LINES))
         units = self._find_names(first_lines)
-        last_lines = deque(self._lines(), LAST_LINES)
-        self._check_end([line for number, line in last_lines if number > self._last_line])
+        self._check_end()
         widths = [len(_split(line, self._delimiter)) for _, line in first_lines]
         table = self._read(max(widths))
         for column, (name, unit) in enumerate(zip_longest(self._names, units, fillvalue="")):
@@ -93,14 +92,16 @@ class CsvContents(Contents):
             cells[place] for place in columns - numbers if place < len(cells)
         )
 
-    def _check_end(self, lines: Sequence[str]) -> None:
+    def _check_end(self) -> None:
         """Refuse a last line that has fewer cells than the one before, or ends within a number, with fewer digits."""
+        last_lines = deque(self._lines(), LAST_LINES)
+        # The first one is above the numbers, or one of many.
+        lines = [line for number, line in last_lines if number >= self._last_line]
         *rows, last = [_split(line, self._delimiter) for line in lines]
-        cells = [row[len(last) - 1] for row in rows if len(row) >= len(last)]
-        fewest_decimals = min(map(_count_decimals, cells), default=0)
+        decimals = [_count_decimals(row[-1]) for row in rows[1:] if len(row) == len(last)]
+        has_lost_digits = _count_decimals(last[-1]) < min(decimals, default=0)
         is_ended = lines[-1].endswith("\n")
-        has_lost_digits = not is_ended and _count_decimals(last[-1]) < fewest_decimals
-        if has_lost_digits or (rows and len(last) < len(rows[-1])):
+        if len(last) < len(rows[-1]) or (has_lost_digits and not is_ended):
             raise DataError(
                 f"{self.path.name}: the last line has fewer cells or digits than those before: the file is cut off; "
                 "copy it again, or delete this line."

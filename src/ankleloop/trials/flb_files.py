@@ -21,16 +21,9 @@ LEVELS = 65535  # of format -2, from the lower end of the range to the upper one
 class FlbCase:
     """A trial of an FLB file."""
 
-    names: list[str]
-    samples: np.ndarray  # shape (channels, N)
+    variables: list[Variable]
     rate: float  # Hz
     comment: str
-
-    def __str__(self) -> str:
-        """Channels, duration, rate and comment, for a list of cases."""
-        duration = self.samples.shape[1] / self.rate
-        names = ", ".join(self.names)
-        return f"{names}, {duration:.4g} s at {self.rate:g} Hz, {self.comment!r:.60}"
 
 
 class FlbContents(Contents):
@@ -49,7 +42,9 @@ class FlbContents(Contents):
             while size - file.tell() >= 4:
                 cases.append(_read_case(file))
         if case is None and len(cases) > 1:
-            listed = "; ".join(f"case {number}: {each}" for number, each in enumerate(cases, 1))
+            listed = "; ".join(
+                f"case {number}, {each.comment!r}" for number, each in enumerate(cases, 1)
+            )
             raise DataError(
                 f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.",
                 remedy={"case": None},
@@ -60,9 +55,8 @@ class FlbContents(Contents):
                 f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1."
             )
         chosen = cases[number - 1]
+        self.variables = chosen.variables
         self.file_attributes = {"sampling_rate": chosen.rate}
-        for name, samples in zip(chosen.names, chosen.samples, strict=True):
-            self.variables.append(Variable(name, samples.shape, samples.view))
 
 
 def _read_case(file: BinaryIO) -> FlbCase:
@@ -87,7 +81,9 @@ def _read_case(file: BinaryIO) -> FlbCase:
         samples = samples * ((high - low) / LEVELS) + low
     if realizations > 1:
         names = [f"{name}/{k}" for k in range(1, realizations + 1) for name in names]
-    return FlbCase(names, samples.reshape(-1, length), rate_of_interval(interval), comment)
+    rows = zip(names, samples.reshape(-1, length), strict=True)
+    variables = [Variable(name, row.shape, row.view) for name, row in rows]
+    return FlbCase(variables, rate_of_interval(interval), comment)
 
 
 def _read_text(file: BinaryIO) -> str:

@@ -24,6 +24,10 @@ class Hdf5Contents(Contents):
         self._file = h5py.File(path, "r")
         self._file.visititems(self._add)
 
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
     def _add(self, name: str, node: Any) -> None:
         """Add a variable."""
         self.variables += self._list_variables(name, node)

@@ -22,7 +22,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -292,18 +292,18 @@ def _answer(pipe: Any, request: dict[str, Any]) -> dict[str, Any]:
         container = choose_container(path)  # a library is imported without limits
         _limit(request["seconds"], memory)
         has_checksum(path)
-        contents = container(path, **options)
         task = TASKS[request["task"]]
-        for role, variable, numbers in task(contents, **request["wanted"]):
-            described = {
-                "role": role,
-                "name": variable.name,
-                "shape": variable.shape,
-                "unit": variable.unit,
-                "count": variable.count,
-                "size": numbers.size,
-            }
-            _send(pipe, described, np.ravel(numbers).data)
+        with closing(container(path, **options)) as contents:
+            for role, variable, numbers in task(contents, **request["wanted"]):
+                described = {
+                    "role": role,
+                    "name": variable.name,
+                    "shape": variable.shape,
+                    "unit": variable.unit,
+                    "count": variable.count,
+                    "size": numbers.size,
+                }
+                _send(pipe, described, np.ravel(numbers).data)
     except DataError as error:
         return {"refusal": str(error), "remedy": error.remedy}
     except ImportError as error:

@@ -42,10 +42,10 @@ class TdmsContents(Contents):
 
         super().__init__(path)
         intervals = set()
-        file = nptdms.TdmsFile.open(path)
-        if file.file_status.incomplete_final_segment:
+        self._file = nptdms.TdmsFile.open(path)
+        if self._file.file_status.incomplete_final_segment:
             raise UnreadableError("its last segment is cut off")
-        for group in file.groups():
+        for group in self._file.groups():
             for channel in group.channels():
                 intervals.add(channel.properties.get("wf_increment"))
                 name = f"{group.name}/{channel.name}"
@@ -54,3 +54,7 @@ class TdmsContents(Contents):
                 self.variables.append(Variable(name, (len(channel),), read, attributes))
         if len(intervals) == 1 and None not in intervals:
             self.file_attributes = {"sampling_rate": rate_of_interval(intervals.pop())}
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()

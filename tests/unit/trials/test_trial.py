@@ -1,8 +1,5 @@
 """Trials: made from arrays, cut, saved and loaded."""
 
-import os
-
-import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -118,18 +115,3 @@ def test_file_is_reproducible(trial, tmp_path):
     for name in ("a.nc", "b.nc"):
         save_trial(trial, tmp_path / name)
     assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
-
-
-def test_invalid_trial_is_not_saved(trial, tmp_path):
-    trial.torque[5] = np.nan
-    with pytest.raises(DataError, match=r"^trial.nc: torque is not finite at sample 5"):
-        save_trial(trial, tmp_path / "trial.nc")
-    assert os.listdir(tmp_path) == []
-
-
-def test_loading_validates_the_trial(trial, tmp_path):
-    save_trial(trial, tmp_path / "trial.nc")
-    with h5py.File(tmp_path / "trial.nc", "r+") as file:
-        file["time"][300:] += 0.05
-    with pytest.raises(DataError, match=r"^trial.nc: time is irregular at sample 300 \(0.35 s\)"):
-        load_trial(tmp_path / "trial.nc")

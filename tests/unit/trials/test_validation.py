@@ -5,7 +5,7 @@ import pytest
 
 from ankleloop.errors import DataError
 from ankleloop.signals.sampling import compute_rate
-from ankleloop.trials.trial import new_trial, peak_speed, validate
+from ankleloop.trials.trial import new_trial, validate
 
 RATE = 1000.0
 T = np.arange(500) / RATE
@@ -22,9 +22,8 @@ def trial():
 
 
 @pytest.mark.parametrize("name", ["position", "reference", "torque_reflex"])
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_samples_must_be_finite(trial, name, value):
-    trial[name][[123, 200]] = value
+def test_samples_must_be_finite(trial, name):
+    trial[name][[123, 200]] = -np.inf
     message = rf"^x: {name} is not finite at sample 123 \(0.123 s\), 2 samples in all: cut .* or repair the channel"
     with pytest.raises(DataError, match=message):
         validate(trial, source="x")
@@ -41,14 +40,6 @@ def test_position_noise_is_accepted(rate):
     position = 0.02 * np.sin(2 * np.pi * 3 * time) + noise
     assert np.max(np.abs(np.diff(position))) * rate > 20.0
     new_trial(position, np.cos(time), rate)
-
-
-@pytest.mark.parametrize("rate", [100.0, 700.0, 5000.0])
-def test_peak_speed_is_the_slope_of_a_ramp(rate):
-    time = np.arange(int(rate)) / rate
-    sample, speed = peak_speed(3.0 * np.clip(time - 0.4, 0.0, 0.2), rate)
-    assert speed == pytest.approx(3.0, rel=1e-9)
-    assert 0.4 < time[sample] < 0.6
 
 
 def test_another_type_is_refused(trial):
@@ -82,16 +73,6 @@ def test_time_in_single_precision_is_regular():
 
 
 @pytest.mark.parametrize("factor", [1e-18, 1e18])
-@pytest.mark.parametrize("name", ["torque", "reference"])
-def test_numbers_that_no_joint_has_are_refused(factor, name):
-    phase = np.arange(100) / 10
-    channels = {
-        "position": 0.02 * np.sin(phase),
-        "torque": np.cos(phase),
-        "reference": np.sin(phase),
-    }
-    channels[name] = factor * channels[name]
-    with pytest.raises(
-        DataError, match=rf"{name} varies by .*no channel of a joint does: check its unit"
-    ):
-        new_trial(**channels, sampling_rate=100.0)
+def test_numbers_that_no_joint_has_are_refused(factor):
+    with pytest.raises(DataError, match=r"torque varies by .*no channel of a joint does: check"):
+        new_trial(POSITION, factor * TORQUE, RATE)
