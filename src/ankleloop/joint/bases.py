@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
+import ankleloop
 from ankleloop.errors import DataError
 from ankleloop.joint.model_fields import Stored, read_fields
 from ankleloop.trials.group_files import Fields
@@ -156,4 +157,10 @@ BASES: dict[str, type[Basis]] = {
 
 def read_basis(fields: Fields) -> Basis:
     """The basis whose `kind` and fields a file holds."""
-    return read_fields(BASES[fields.text("basis")], fields)
+    kind = fields.text("basis")
+    if kind not in BASES:
+        raise DataError(
+            f"{fields.source}: the basis {kind!r} is unknown to ankleloop {ankleloop.__version__}: install the newest "
+            "one, or identify again."
+        )
+    return read_fields(BASES[kind], fields)
