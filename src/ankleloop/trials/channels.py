@@ -226,7 +226,8 @@ def _read_times(contents: Contents, variable: Variable) -> tuple[Variable, np.nd
     import pandas as pd
 
     texts = [as_text(value).replace(",", ".") for value in values.tolist()]
-    clock = pd.to_timedelta(texts, errors="coerce")
+    hours = "00:" if texts[0].count(":") == 1 else ""  # those that have minutes and seconds
+    clock = pd.to_timedelta([hours + text for text in texts], errors="coerce")
     if clock.isna().all():
         dates = pd.to_datetime(texts, format="mixed", errors="coerce")
         clock = dates - dates[0]

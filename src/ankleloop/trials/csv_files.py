@@ -28,7 +28,7 @@ NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?inf|nan|n/?a|n
 
 
 class CsvContents(Contents):
-    """Columns of a table with names above them, in UTF-8 or UTF-16, compressed if it ends in .gz.
+    """Columns of a table with names above them, in UTF-8, UTF-16 or cp1252, compressed if it ends in .gz.
 
     A file is refused that has no names, a line with more cells than there are names, or a last line that is cut off.
     """
@@ -39,6 +39,10 @@ class CsvContents(Contents):
         is_compressed = path.name.lower().endswith(".gz")
         self._content = gzip.decompress(content) if is_compressed else content
         self._encoding = "utf-16" if b"\0" in self._content[:4] else "utf-8-sig"
+        try:
+            self._content.decode(self._encoding)
+        except UnicodeError:
+            self._encoding = "cp1252"  # of spreadsheets
         first_lines = list(islice(self._lines(), FIRST_LINES))
         units = self._find_names(first_lines)
         self._check_end()

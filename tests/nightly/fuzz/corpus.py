@@ -5,8 +5,10 @@ from pathlib import Path
 import h5netcdf
 import h5py
 import numpy as np
+import pandas as pd
 import scipy.io
 import xarray as xr
+from matio import save_to_mat
 
 from ankleloop import identify, save_estimate, save_trial, simulate
 from ankleloop.trials.files import CHECKSUM_LENGTH
@@ -44,13 +46,15 @@ def _make_matlab(folder):
     scipy.io.savemat(folder / "struct.mat", plain | {"rec": struct, "note": "left"})
     scipy.io.savemat(folder / "packed.mat", plain | {"rec": struct}, do_compression=True)
     scipy.io.savemat(folder / "v4.mat", plain, format="4")
+    signals = {"time": TIME, "position": POSITION, "torque": TORQUE}
+    objects = {"T": pd.DataFrame(signals), "rec": {name: x[None] for name, x in signals.items()}}
+    for version in ("v7", "v7.3"):
+        save_to_mat(folder / f"objects-{version}.mat", objects, version=version)
 
 
 def _make_hdf5(folder):
-    for name, libver in (("a.h5", "earliest"), ("b.h5", "latest"), ("c.mat", "earliest")):
-        path = folder / name
-        block = 512 if name == "c.mat" else 0
-        with h5py.File(path, "w", libver=libver, userblock_size=block) as file:
+    for libver in ("earliest", "latest"):
+        with h5py.File(folder / f"{libver}.h5", "w", libver=libver) as file:
             file["position"] = np.round(POSITION * 1e6).astype(np.int32)
             file["position"].attrs.update(units="rad", scale_factor=1e-6, _FillValue=np.int32(-1))
             file.create_dataset(
@@ -60,9 +64,6 @@ def _make_hdf5(folder):
             file.attrs["sampling_rate"] = RATE
             file["group/angle"] = POSITION[None]
             file["link"] = h5py.SoftLink("/group/angle")
-        if block:
-            with open(path, "r+b") as file:
-                file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
 
 
 def _make_netcdf_classic(folder):

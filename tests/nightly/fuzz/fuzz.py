@@ -27,6 +27,7 @@ OPTIONS = (
     {},
     {"sampling_rate": 200.0, "position": "link"},
     {"sampling_rate": 200.0, "position": "rec.ankle.pos"},
+    {"position": "T.position"},
     {"torque": "note"},
     {"reference": "time"},
     {"sampling_rate": 200.0, "position_unit": "deg", "torque_sign": -1},

@@ -70,10 +70,11 @@ def test_encodings(tmp_path, encoding, separator):
     assert_signals(read_trial(path))
 
 
-def test_units_below_the_names_count(tmp_path):
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_units_below_the_names_count(tmp_path, encoding):
     degrees = {"t": 1000 * T, "angle": np.degrees(P), "torque": TQ / 10}
-    text = table(degrees).replace("\n", "\nms,deg,kgf·m\n", 1)
-    trial = read_trial(write(tmp_path, text), torque_unit="kgf.m")
+    text = table(degrees).replace("\n", "\nms,°,kgf·m\n", 1)
+    trial = read_trial(write(tmp_path, text, encoding=encoding), torque_unit="kgf.m")
     np.testing.assert_allclose(trial.torque, 0.980665 * TQ, atol=1e-6)
     np.testing.assert_allclose(trial.position, P, atol=1e-9)
     assert trial.attrs["position_unit_of_file"] == "deg"
@@ -192,6 +193,7 @@ def clock(start, form):
         ("X [s]", T),
         ("seconds", T),
         ("time", clock("2026-01-01 10:00", "%H:%M:%S.%f")),
+        ("Time", clock("2026-01-01 10:05:59.9", "%M:%S.%f")),
         ("date and time", clock("2026-01-01 10:00", "%H:%M:%S.%f")),
         ("time_ms", clock("2026-01-31 23:59:59.9", "%Y-%m-%d %H:%M:%S.%f")),
         ("timestamp", clock("2026-01-01 10:00", "%d/%m/%Y %I:%M:%S.%f %p")),
