@@ -92,7 +92,7 @@ ROWS = [
     row(
         "hdf5: a single number",
         hdf5_file(position=1.0),
-        "a.h5: no variable with samples is called position or pos",
+        "a.h5: no variable is called position or pos",
         "the file has: torque.",
         remedy={"position": None},
     ),

@@ -92,7 +92,7 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     if channel == "reference" and not fitting:
         return None
     words = " or ".join(CHANNEL_WORDS[channel])
-    fault = f"no variable with samples is called {words}, so that it would be the {channel}"
+    fault = f"no variable is called {words} and has samples, so that it would be the {channel}"
     if fitting:
         fault = f"{len(fitting)} variables may be the {channel}: {contents.describe(fitting)}"
     others = _list_with_samples(contents, contents.names())

@@ -141,12 +141,7 @@ def list_trials(path: Path, options: Reading) -> list[Reading]:
     if "*" not in "".join(options.channels.values()):
         return [options]
     variables = read_channels(path, options.case, "find", variables=options.names)
-    counts = {
-        variable.name: variable.count or 1
-        for role, variable in variables.items()
-        if role in options.channels
-    }
-    if len(set(counts.values())) > 1:
-        shown = ", ".join(f"{count} of {name}" for name, count in counts.items())
-        raise DataError(f"{path.name}: the channels have different numbers of trials: {shown}.")
-    return [options.of_trial(number) for number in range(max(counts.values(), default=1))]
+    counts = {variables[role].count or 1 for role in options.channels if role in variables}
+    if len(counts) > 1:
+        raise DataError(f"{path.name}: the channels have different numbers of trials: {counts}.")
+    return [options.of_trial(number) for number in range(max(counts, default=1))]

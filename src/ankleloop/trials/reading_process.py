@@ -248,10 +248,10 @@ def _receive(pipe: Any) -> dict[str, Any]:
 
 def _receive_samples(pipe: Any, count: int) -> np.ndarray:
     """Receive so many samples."""
-    samples = np.frombuffer(pipe.read(8 * count), "<f8")
-    if samples.size < count:
+    content = pipe.read(8 * count)
+    if len(content) < 8 * count:
         raise EOFError
-    return samples
+    return np.frombuffer(content, "<f8")
 
 
 # --- What runs in the other process

@@ -40,7 +40,5 @@ def write_recording(
             with h5py.File(partial, "w") as file:
                 file.attrs["sampling_rate"] = rate
                 for name, values in channels.items():
-                    data = file.create_dataset(
-                        name, data=values, compression="gzip", fletcher32=True
-                    )
-                    data.attrs["units"] = VARIABLES[name][0]
+                    file[name] = values
+                    file[name].attrs["units"] = VARIABLES[name][0]

@@ -146,13 +146,13 @@ def segment(trial: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     stop = check_number("segment", "stop", stop, "s")
     time = trial["time"].values
     inside = (time >= start - 1e-9) & (time < stop - 1e-9)
-    source = f"{trial.attrs['source']}: " if "source" in trial.attrs else ""
+    source = trial.attrs.get("source", "trial")
     if inside.sum() < 2:
         raise DataError(
-            f"{source}the segment from {start:g} to {stop:g} s has no samples: the trial covers {time[0]:g} to "
+            f"{source}: the segment from {start:g} to {stop:g} s has no samples: the trial covers {time[0]:g} to "
             f"{time[-1]:g} s."
         )
-    return validate(trial.isel(time=inside), source=f"{source}segment {start:g} to {stop:g} s")
+    return validate(trial.isel(time=inside), source=f"{source}: segment {start:g} to {stop:g} s")
 
 
 def remove_drift(trial: xr.Dataset, degree: int) -> xr.Dataset:
@@ -186,20 +186,13 @@ def as_samples(values: ArrayLike, name: str, *, source: str) -> np.ndarray:
         raise DataError(
             f"{source}: {name} is of type {array.dtype}, not real numbers: convert it, or choose another."
         )
-    check_shape(array.shape, name, source=source)
-    return np.ma.filled(array.ravel().astype(float), np.nan)
-
-
-def check_shape(shape: tuple[int, ...], name: str, *, source: str) -> int:
-    """Check that an array holds a single channel, and count its samples."""
-    size = int(np.prod(shape))
-    if size == 0:
+    if array.size == 0:
         raise DataError(f"{source}: {name} is empty: record it, or choose another variable.")
-    if len(shape) not in (1, 2) or size != max(shape):
+    if array.ndim not in (1, 2) or array.size != max(array.shape):
         raise DataError(
-            f"{source}: {name} has shape {shape}, not one sample per time: pass a single channel."
+            f"{source}: {name} has shape {array.shape}, not one sample per time: pass a single channel."
         )
-    return size
+    return np.ma.filled(array.ravel().astype(float), np.nan)
 
 
 def _as_attribute(value: Any, name: str, source: str) -> int | float | str:

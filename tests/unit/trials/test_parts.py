@@ -141,7 +141,7 @@ def test_elements_of_a_cell_array(tmp_path):
 def test_channels_of_different_numbers_of_trials(tmp_path):
     path = write_trials(tmp_path / "a.mat", 3)
     options = ReadingOptions(position="trial[*].pos", torque="trial[0].tq")
-    with pytest.raises(DataError, match=r"3 of trial\[\*\].pos, 1 of trial\[0\].tq\.$"):
+    with pytest.raises(DataError, match=r"different numbers of trials: \{1, 3\}\.$"):
         list_trials(path, options)
 
 
@@ -160,6 +160,6 @@ def test_a_single_number_is_no_channel(write, name):
     path = write(**{"position": P, "torque": TQ, "fs": RATE, name: np.float64(3.0)})
     for stated in (None, "position"):
         with pytest.raises(
-            DataError, match=r"(no variable with samples|has 1 sample|but position has 1)"
+            DataError, match=r"(no variable is called|has 1 sample|but position has 1)"
         ):
             read_trial(path, position=stated)
