@@ -43,7 +43,7 @@ def flb_case(version=4, kind=4, names=("POS", "TQ"), comment="", scale=1.0, real
 
 
 WHOLE = flb_case()
-CASES = "a.flb: there are 2 cases: choose one by the option case. case 1, ''; case 2, ''."
+CASES = "a.flb: there are 2 cases: choose one by the option case: case 1, ''; case 2, ''."
 
 row = rows_of(read_trial)
 read_case_3 = partial(read_trial, case=3)
@@ -58,9 +58,9 @@ ROWS = [
     row(
         "no such case",
         text_file("a.flb", 2 * WHOLE),
-        "a.flb: there is no case 3",
-        "has 2",
+        CASES,
         call=read_case_3,
+        remedy={"case": None},
     ),
     row(
         "the samples are cut off",

@@ -79,13 +79,13 @@ class Variable:
     def unit(self) -> str:
         """Unit that the file states, and a scale without a convention; texts that differ are joined, to be refused."""
         units: dict[str, str] = {}
-        words = {"unit", "units"} if is_nwb(self.attributes) else {"unit", "units", *SCALES}
+        scales = {} if is_nwb(self.attributes) else SCALES
         for name, value in self.attributes.items():
             word = name.lower()
             is_number = np.asarray(value).dtype.kind in "iuf"
             if word in ("units", "unit"):
                 units[normalise_unit(as_text(value))] = as_text(value)
-            elif word in words and is_number and np.any(value != SCALES[word]):
+            elif word in scales and is_number and np.any(value != scales[word]):
                 units[name] = f"{name} = {value}"
         return " and ".join(text for unit, text in units.items() if unit)
 

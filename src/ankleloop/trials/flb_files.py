@@ -41,18 +41,12 @@ class FlbContents(Contents):
             cases = [_read_case(file)]
             while size - file.tell() >= 4:
                 cases.append(_read_case(file))
-        if case is None and len(cases) > 1:
-            listed = "; ".join(
-                f"case {number}, {each.comment!r}" for number, each in enumerate(cases, 1)
-            )
-            raise DataError(
-                f"{path.name}: there are {len(cases)} cases: choose one by the option case. {listed}.",
-                remedy={"case": None},
-            )
         number = case or 1
-        if number > len(cases):
+        if number > len(cases) or (case is None and len(cases) > 1):
+            comments = [f"case {k}, {each.comment!r}" for k, each in enumerate(cases, 1)]
             raise DataError(
-                f"{path.name}: there is no case {case}: the file has {len(cases)}, counted from 1."
+                f"{path.name}: there are {len(cases)} cases: choose one by the option case: {'; '.join(comments)}.",
+                remedy={"case": None},
             )
         chosen = cases[number - 1]
         self.variables = chosen.variables

@@ -248,7 +248,7 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
     check_same_rate(rate, measured, source=source)
     samples = {str(name): trial.variables[name].values for name in trial.data_vars}
     _check_samples(samples, rate, time[0], source)
-    return trial if "sampling_rate" in trial.attrs else trial.assign_attrs(sampling_rate=rate)
+    return trial.assign_attrs(sampling_rate=rate)
 
 
 def _check_samples(

@@ -33,7 +33,7 @@ def test_cases_count_from_1(tmp_path):
     assert second.attrs["case"] == 2
     assert FlbContents(path, 3).names() == ["channel 1", "\xb5V"]
     with pytest.raises(
-        DataError, match=r"choose one by the option case. case 1, 'relaxed'; case 2"
+        DataError, match=r"choose one by the option case: case 1, 'relaxed'; case 2"
     ):
         read_trial(path)
 
