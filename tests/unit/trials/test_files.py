@@ -24,7 +24,6 @@ from ankleloop.trials.files import (
     _partial_path,
     atomic_file,
     atomic_netcdf,
-    check_output,
     write_csv,
     write_netcdf,
 )
@@ -117,27 +116,18 @@ def test_outputs_that_are_no_files(tmp_path):
         (tmp_path / "none" / "x.nc", "there is no folder .*: make it first"),
         (tmp_path / ("x" * 300), r"cannot be written \(File name too long\)"),
     ):
-        for overwrite in (False, True):
-            with pytest.raises(DataError, match=message):
-                check_output(path, overwrite=overwrite)
-            with pytest.raises(DataError, match=message):
-                write_text(path, overwrite=overwrite)
-    (tmp_path / "loop").symlink_to("loop")
+        with pytest.raises(DataError, match=message):
+            write_text(path, overwrite=True)
     (tmp_path / "lost").symlink_to("nowhere")
-    for name in ("loop", "lost"):
-        with pytest.raises(DataError, match=r"exists already|cannot be written"):
-            write_text(tmp_path / name)
+    with pytest.raises(DataError, match="exists already"):
+        write_text(tmp_path / "lost")
 
 
 @pytest.mark.posix
 def test_inputs_that_are_no_files(tmp_path):
-    (tmp_path / "lost.nc").symlink_to("nowhere.nc")
     for path, message in (
         (tmp_path, "this is a folder or a device, no file"),
-        (tmp_path / "none" / "x.nc", "there is no such file"),
-        (tmp_path / "lost.nc", "there is no such file"),
         (tmp_path / ("x" * 300), r"cannot be opened \(File name too long\)"),
-        (Path("/dev/null"), "this is a folder or a device, no file"),
     ):
         with pytest.raises(DataError, match=message):
             load_trial(path)

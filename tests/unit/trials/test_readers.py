@@ -296,22 +296,14 @@ def test_torque_variable_t_is_not_the_time(tmp_path):
 
 def test_further_variables(tmp_path):
     """They keep their numbers and their unit, whatever the position has."""
-    position, torque = np.sin(np.arange(50.0)), np.cos(np.arange(50.0))
     with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.update(
-            {"angle": position, "torque": torque, "knee": 30.0 + position, "emg": torque**2}
-        )
+        file.update({"angle": np.rad2deg(P), "torque": TQ, "knee": 30.0 + P, "fs": RATE})
         file["knee"].attrs["units"] = "degrees of the knee"
-    options = {"position_unit": "deg", "position_sign": -1, "sampling_rate": 100.0}
-    trial = read_trial(
-        tmp_path / "a.h5", variables={"knee_angle": "knee", "activity": "emg"}, **options
-    )
-    np.testing.assert_allclose(trial["position"], -np.deg2rad(position))
-    np.testing.assert_allclose(trial["knee_angle"], 30.0 + position)
-    assert [trial[name].attrs["units"] for name in ("knee_angle", "activity")] == [
-        "degrees of the knee",
-        "",
-    ]
+    options = {"position_unit": "deg", "position_sign": -1}
+    trial = read_trial(tmp_path / "a.h5", variables={"knee_angle": "knee"}, **options)
+    np.testing.assert_allclose(trial["position"], -P)
+    np.testing.assert_array_equal(trial["knee_angle"], 30.0 + P)
+    assert trial["knee_angle"].attrs["units"] == "degrees of the knee"
     assert trial.attrs["knee_angle_variable"] == "knee"
     with pytest.raises(DataError, match="hip"):
         read_trial(tmp_path / "a.h5", variables={"hip_angle": "hip"}, **options)
