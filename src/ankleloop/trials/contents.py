@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import count, islice, takewhile
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ import numpy as np
 from ankleloop.errors import DataError
 from ankleloop.trials.units import normalise_unit
 
-LISTED_NAMES = 30  # that a message has
+MOST_CHARACTERS = 600  # of the names that a message has
 # What turns samples into numbers with a unit, where no convention says how, and its neutral value.
 SCALES = {"conversion": 1.0, "gain": 1.0, "scale": 1.0, "sensitivity": 1.0, "offset": 0.0}
 PART = re.compile(r"(.+)\[([\d:, ]+)\]")  # of a matrix
@@ -191,9 +192,8 @@ class Contents:
 
     def describe(self, names: Iterable[str]) -> str:
         """The first variables of some names, for a message."""
-        shown = [str(self.find(name)) for name in islice(names, LISTED_NAMES + 1)]
-        text = ", ".join(shown[:LISTED_NAMES])
-        return f"{text} and more" if len(shown) > LISTED_NAMES else text or "none"
+        text = ", ".join(str(self.find(name)) for name in names)
+        return textwrap.shorten(text, MOST_CHARACTERS, placeholder=" and more") or "none"
 
     def find_number(self, prefix: str, name: str) -> Variable | None:
         """Variable of a number beside others, in each of its samples or some, or else attribute; None without any."""
