@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -39,10 +38,9 @@ MARKS = (
     "or came with a warning, which it holds. A cross: no trial has a value."
 )
 EXTREMES = (
-    "Points with the best and the worst mean (of an error: by the root mean square over trials), or the lowest and "
-    "the highest of a quantity that has no best; mean ± standard deviation over trials. Points where less than half "
-    "of the trials have a value are not ranked. Means leave out failures and hold estimates with a warning. All points "
-    "are in the CSV file."
+    "Points with the lowest and the highest mean; mean ± standard deviation over trials. Points where less than half of "
+    "the trials have a value are left out. Means leave out failures and hold estimates with a warning. All points are in "
+    "the CSV file."
 )
 
 
@@ -320,29 +318,19 @@ def _list_values(axis: SweepAxis) -> str:
 
 
 def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
-    """Points with the best and the worst mean of each quantity and method; lowest and highest without a goal."""
-    table = summary[summary["n"] >= LEAST_SHARE * summary["trials"]]
-    mean = table["mean"]
-    goals = table["quantity"].map(lambda name: QUANTITIES[name].goal)
-    variance = table["sd"].fillna(0.0) ** 2 * (table["n"] - 1) / table["n"]
-    error = np.sqrt(mean**2 + variance)
-    # The less, the better.
-    size = mean.mask(goals == "high", -mean).mask(goals == "zero", error)
-    text = format_pairs(mean, table["sd"], "{:.4g} ± {:.2g}")
-    table = table.assign(size=size, text=text).sort_values("size", kind="stable")
+    """Points with the lowest and the highest mean of each quantity and method."""
+    ranked = summary[summary["n"] >= LEAST_SHARE * summary["trials"]].sort_values("mean")
     rows = []
     for name, method in product(sweep.quantities, sweep.labels):
-        points = table[(table["quantity"] == name) & (table["method"] == method)]
+        points = ranked[(ranked["quantity"] == name) & (ranked["method"] == method)]
         if len(points) < 2:
             continue
-        label = QUANTITIES[name].label
-        ranks = ("best", "worst") if QUANTITIES[name].goal else ("lowest", "highest")
-        for rank, point in zip(ranks, points.iloc[[0, -1]].to_dict("records"), strict=True):
-            row = {"quantity": label, "method": sweep.labels[method], "rank": rank}
+        for rank, place in (("lowest", 0), ("highest", -1)):
+            point = points.iloc[place]
+            row = {"quantity": QUANTITIES[name].label, "method": sweep.labels[method]}
+            row["rank"] = rank
             for axis in sweep.parameters:
                 row[axis.heading] = axis.format(point[axis.column])
-            row["mean ± sd"] = point["text"]
-            for count in ("trials", *FAULTS):
-                row[count] = str(point[count])
+            (row["mean ± sd"],) = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")
             rows.append(row)
     return pd.DataFrame(rows)
