@@ -39,7 +39,6 @@ def pages(reproduction):
         "index.html",
         "article.html",
         "ledger.html",
-        "tables.html",
         "reports/table1.html",
     } <= names
     return {path.relative_to(results).as_posix(): path for path in paths}
@@ -120,7 +119,7 @@ def test_the_index_leads_to_everything(pages, reproduction, visit):
     targets = {Path(unquote(urlsplit(url).path)).resolve() for url in page.evaluate(LINKS)}
     results = reproduction / "results"
     studies = json.loads((results / "configuration.json").read_text(encoding="utf-8"))["run"]
-    assert len(pages) == 4 + len(studies) + 3  # of recordings
+    assert len(pages) == 3 + len(studies) + 3  # of recordings
     assert {path.resolve() for path in pages.values()} <= targets
     groups = ["figure1.*", "figure2.*", *(f"{study}-*" for study in studies)]
     figures = {path for group in groups for path in (results / "figures").glob(group)}

@@ -15,15 +15,6 @@ rule index:
             if isinstance(study, RecordedStudy)
             for path in chunk_files("scores", study)
         ],
-        # What the pages show; without them here a storage would not hand them over.
-        summaries=[
-            *[
-                f"results/tables/{study.name}.csv"
-                for study in RUN
-                if study.settings.notebook
-            ],
-            *(["results/tables/economy.csv"] if ARTICLE else []),
-        ],
         ledger=["results/verification.csv"] if ARTICLE else [],
     output:
         metadata="results/ro-crate-metadata.json",
@@ -31,7 +22,6 @@ rule index:
         configuration="results/configuration.json",
         provenance="results/provenance.json",
         index="results/index.html",
-        tables="results/tables.html",
         ledger=["results/ledger.html"] if ARTICLE else [],
     log:
         "logs/index.log",

@@ -1,4 +1,4 @@
-"""Metadata of the run, and the page that lists all results with those of the ledger and of the tables."""
+"""Metadata of the run, and the page that lists all results with that of the ledger."""
 
 import json
 from pathlib import Path
@@ -10,10 +10,9 @@ from ankleloop.jobs.job import running
 from ankleloop.jobs.results import (
     collect_results,
     read_provenance,
-    read_tables,
     tabulate_recordings,
 )
-from ankleloop.pages.index import render_index, render_ledger, render_tables
+from ankleloop.pages.index import render_index, render_ledger
 from ankleloop.paper.ledger import read_conclusions
 from ankleloop.trials.files import atomic_file
 
@@ -36,7 +35,6 @@ with running(snakemake):
     provenance = read_provenance(snakemake.params.repository)
     write_json(output.configuration, snakemake.params.configuration)
     write_json(output.provenance, provenance)
-    write_text(output.tables, render_tables(read_tables(map(Path, snakemake.input.summaries))))
     ledger = pd.read_csv(snakemake.input.ledger[0]) if output.ledger else None
     for path in output.ledger:
         write_text(path, render_ledger(ledger))

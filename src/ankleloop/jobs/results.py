@@ -26,7 +26,6 @@ TITLE = "Results of ankleloop: intrinsic and reflex joint stiffness identified i
 LINKS = {
     "Article: the replication in the order of the paper": "article.html",
     "Ledger: every number and claim of the paper with its verdict": "ledger.html",
-    "Tables: to sort and search": "tables.html",
     "Ledger as CSV": "verification.csv",
     "Configuration with all defaults": "configuration.json",
     "Versions of all packages": "provenance.json",
@@ -111,6 +110,9 @@ def collect_results(
         "links": {
             text: path for text, path in LINKS.items() if path not in left_out and find(path)
         },
+        "tables": list(
+            filter(find, [f"tables/{name}.csv" for name in (*table["study"], "economy")])
+        ),
         "studies": table.map(_format_cell).rename(columns=STUDY_COLUMNS),
         "study_links": [find(f"reports/{name}.html") for name in table["study"]],
         "figures": _collect_figures(folder, studies),
@@ -123,14 +125,6 @@ def collect_results(
             "Python": f"{provenance['python']}, {provenance['system']}",
             "Made": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         },
-    }
-
-
-def read_tables(paths: Iterable[Path]) -> dict[str, pd.DataFrame]:
-    """Tables as text for a page, without the columns in which no row has a value."""
-    return {
-        path.stem: pd.read_csv(path).dropna(axis="columns", how="all").map(_format_cell)
-        for path in sorted(paths)
     }
 
 

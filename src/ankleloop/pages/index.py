@@ -1,4 +1,4 @@
-"""The page that lists all results, and those of the ledger and of the tables, to which it links."""
+"""The page that lists all results, and that of the ledger, to which it links."""
 
 from __future__ import annotations
 
@@ -35,10 +35,6 @@ LEDGER_COLUMNS = [
     HOLDS,
     "id",
 ]
-# Rows of a table in its page, and columns of a part of a wide one: the first ones, which each part has, and others.
-MOST_ROWS = 1000
-KEY_COLUMNS = 3
-OTHER_COLUMNS = 9
 
 
 def render_index(
@@ -83,18 +79,3 @@ def render_ledger(ledger: pd.DataFrame) -> str:
     table = render_table(cells, colours=VERDICT_COLOURS, name="claims")
     body = render_template("ledger.html.j2", **_describe_verdicts(ledger), table=table)
     return render_page("Ledger", body, index="index.html")
-
-
-def render_tables(tables: Mapping[str, pd.DataFrame]) -> str:
-    """Page of tables that readers sort and search."""
-    parts = {name: (_divide(table.head(MOST_ROWS)), len(table)) for name, table in tables.items()}
-    body = render_template("tables.html.j2", tables=parts)
-    return render_page("Tables", body, index="index.html")
-
-
-def _divide(table: pd.DataFrame) -> list[pd.DataFrame]:
-    """Parts of a table that fit into a page, each with the first columns."""
-    keys = table.columns[:KEY_COLUMNS]
-    others = table.columns[KEY_COLUMNS:]
-    starts = range(0, max(len(others), 1), OTHER_COLUMNS)
-    return [table[[*keys, *others[start : start + OTHER_COLUMNS]]] for start in starts]

@@ -4,15 +4,11 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from matio import save_to_mat
-from matio.utils.matclass import MatlabOpaque
 
 from ankleloop import read_trial
 from ankleloop.command_line.reading import map_file, map_trials
-from ankleloop.config.checking import ConfigError, check
+from ankleloop.config.checking import ConfigError
 from ankleloop.config.recording_settings import read_recordings
-from ankleloop.config.settings import RecordingsStudy
-from ankleloop.config.study import RecordedStudy
 from ankleloop.recordings.files import load_recording
 from ankleloop.trials.channels import NONE
 from ankleloop.trials.reading_options import ReadingOptions
@@ -198,18 +194,6 @@ def test_trials_of_a_file_in_a_table(rows, tmp_path):
         read_recordings(table, {}, tmp_path)
 
 
-def test_trials_of_a_file_in_a_configuration(rows):
-    settings = {
-        "kind": "recordings",
-        "folder": str(rows.parent),
-        "files": {"a": {"file": "S1.mat", **STARS}, "b": {"file": "nowhere.mat", **STARS}},
-        "methods": {"riv": {"label": "RIV", "method": "riv"}},
-    }
-    study = RecordedStudy("s", check(RecordingsStudy, settings, "s"))
-    names = {name: point["position"] for name, point in study.points.items()}
-    assert names == {"a-0": NAMES[0], "a-1": NAMES[1], "b": STARS["position"]}
-
-
 def test_verbs_and_trials_of_a_file(run, rows, tmp_path):
     stars = [word for name, star in STARS.items() for word in (f"--{name}", star)]
     checked = run("check", rows, *stars)
@@ -218,21 +202,6 @@ def test_verbs_and_trials_of_a_file(run, rows, tmp_path):
     identified = run("identify", rows, *stars, "--output", tmp_path / "results")
     assert "S1-0  refused" in identified.out
     assert (tmp_path / "results" / "S1-1.html").exists()
-
-
-def test_channels_of_an_object_are_those_of_a_table(tmp_path):
-    properties = {
-        "chanNames": np.array([["pos1", "tq1"]], dtype=object),
-        "chanUnits": np.array(["Default Units"]),
-        "domainIncr": np.array([[0.01]]),
-        "dataSet": np.column_stack([WAVE, WAVE + 1.0]).round(5),
-    }
-    save_to_mat(tmp_path / "a.mat", {"z1": MatlabOpaque(properties, "nldat")}, version="v7")
-    recording = map_file(tmp_path / "a.mat", position="z1.pos1", torque="z1.tq1")
-    trial = load_recording(tmp_path / "a.mat", recording.model_dump())
-    table = write_columns(tmp_path / "a.csv", "pos1", "tq1")
-    expected = load_recording(table, map_file(table, sampling_rate=100.0).model_dump())
-    assert trial.drop_attrs().identical(expected.drop_attrs())
 
 
 @pytest.mark.parametrize("kind", FILE_FORMATS)

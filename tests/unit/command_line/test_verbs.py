@@ -420,17 +420,6 @@ def test_a_joint_that_changes(run, tmp_path):
     assert study["methods"]["riv-tv"]["method"] == "riv-tv"
 
 
-def test_identify_corrects_an_axis_that_is_turned_round(run, trial, tmp_path):
-    """Its stiffness is positive, but the rectifier sees the wrong half: the corrected command is ready to copy."""
-    path = turned(trial, tmp_path / "a.h5", "position", "reference")
-    options = ["--method", "riv", "--option", "riv.basis=rectifier", "--output", f"{tmp_path}/out"]
-    result = run("identify", path, "--torque-sign", "-1", *options)
-    corrected = ["--position-sign", "-1", "--torque-sign", "1"]
-    command = ["ankleloop", "identify", str(path), *options, *corrected]
-    assert f"next: {shlex.join(command)}\n" in result.err
-    assert run("check", path, *corrected).status == 0
-
-
 # --- study
 
 

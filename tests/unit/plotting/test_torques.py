@@ -7,8 +7,7 @@ import pytest
 from IPython.core.formatters import DisplayFormatter
 
 import ankleloop
-from ankleloop.joint.prepared import prepare
-from ankleloop.plotting.estimates import centre_torques, torque_figure
+from ankleloop.plotting.estimates import torque_figure
 from ankleloop.plotting.style import save_figure
 
 
@@ -47,18 +46,6 @@ def test_the_table_has_what_is_drawn(identified, tmp_path):
                 drawn = rows.loc[rows["series"] == line.get_label(), ["x", "value"]]
                 np.testing.assert_array_equal(line.get_xydata(), drawn)
     assert table["x"].between(3.0, 7.0).all()
-
-
-def test_torques_have_no_mean_and_are_those_of_the_trial(identified):
-    trial, estimates = identified
-    prepared = prepare(trial)
-    torques = centre_torques(prepared, estimates["PR-MOESP"])
-    for channel, values in (
-        ("torque", torques.measured),
-        ("torque_reflex", torques.true["reflex"]),
-    ):
-        expected = prepared.channel_at(channel, torques.time, 100.0)
-        np.testing.assert_allclose(values, expected - expected.mean(), atol=1e-12)
 
 
 def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over_the_true_ones(

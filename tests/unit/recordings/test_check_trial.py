@@ -1,7 +1,5 @@
 """Checks of a recording: every refusal and warning has the reason that it names."""
 
-import re
-
 import numpy as np
 import pytest
 from scipy import signal as sps
@@ -142,37 +140,6 @@ def test_merged_trials_have_the_worst_finding_and_its_trial():
     assert find(check, "sign of the torque").text.startswith("trial 2 of 3: ")
     with pytest.raises(DataError, match="no trials"):
         check_trial([])
-
-
-@pytest.mark.parametrize("duration", [5.0, 6.0])
-def test_seconds_of_closed_loop_are_never_open(duration):
-    """Alone they are too short for anything; two such trials are long enough to fit, and too short for the test."""
-    trials = [simulate(seed=seed, duration=duration) for seed in (1, 2)]
-    assert (check_trial(trials[0]).verdict, check_trial(trials[0]).loop) == ("refused", "undecided")
-    check = check_trial(trials)
-    assert check.loop in ("closed", "undecided")
-    if check.loop == "undecided":
-        assert find(check, "loop").verdict == "warning"
-        assert (
-            "record" in find(check, "loop").text or "record longer" in find(check, "reference").text
-        )
-
-
-def test_an_undecided_loop_with_a_reference_leaves_the_methods_of_closed_loop():
-    """A servo that shakes hides what feedback there may be."""
-    trial = simulate(seed=1, duration=12.0, closed_loop=False, voluntary=1.0)
-    noise = sps.sosfiltfilt(
-        sps.butter(2, 8.0, fs=1000.0, output="sos"),
-        np.random.default_rng(1).standard_normal(trial.sizes["time"]),
-    )
-    check = check_trial(trial.assign(reference=trial["reference"] + 0.003 * noise / noise.std()))
-    assert check.loop == "undecided"
-    text = find(check, "loop").text
-    assert re.search(
-        r"may be off by as much as \d\S* % \(99 % confidence; 2 % would matter\)", text
-    )
-    assert re.search(r"About \d\S* s, or a stronger perturbation, would decide", text)
-    assert list(check.methods) == list(check_trial(simulate(seed=1)).methods)
 
 
 def test_an_identification_warns_of_what_the_check_finds():

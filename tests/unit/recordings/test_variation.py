@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, save_trial, simulate
-from ankleloop.config.recording_settings import Recording, read_recordings
+from ankleloop.config.recording_settings import Recording
 from ankleloop.pages.recordings import draw_figures, render_recording_page
 from ankleloop.recordings.analysis import analyse
 from ankleloop.recordings.files import add_course, check_course, load_recording, merge_courses
@@ -145,17 +145,6 @@ def test_files_are_analysed_over_their_scheduling_variable(tmp_path):
     )
 
 
-def test_tables_of_recordings_have_onsets_and_schedules(tmp_path):
-    path = tmp_path / "table.csv"
-    path.write_text(
-        "file,name,cycle_onsets,schedule\na.nc,a,0.5 1.9; 3.3,\nb.nc,b,,ankle_angle\n",
-        encoding="utf-8",
-    )
-    recordings = read_recordings(path, {})
-    assert recordings["a"][0].cycle_onsets == (0.5, 1.9, 3.3)
-    assert recordings["b"][0].schedule == "ankle_angle"
-
-
 @pytest.mark.parametrize(
     ("course", "verdict", "text"),
     [
@@ -189,23 +178,6 @@ def test_cycles_are_checked_before_anything_is_fitted(course, verdict, text):
     findings = check_course(simulate(seed=1, duration=20.0, variation="cycle"), course)
     assert [finding.verdict for finding in findings] == ([] if verdict is None else [verdict])
     assert all(re.search(text, finding.text) for finding in findings)
-
-
-@pytest.mark.parametrize("fault", ["saturation", "friction", "noise"])
-def test_a_constant_joint_behind_a_faulty_instrument_is_not_called_changing(fault):
-    trial = simulate(seed=3, duration=50.0, variation="cycle", movement=0.1)
-    velocity = np.gradient(trial["position"].to_numpy(), 1e-3)
-    if fault == "saturation":
-        trial["torque"] = 10.0 * np.tanh(trial["torque"] / 10.0)
-    elif fault == "friction":
-        trial["torque"] = trial["torque"] + 2.0 * np.tanh(velocity / 0.02)
-    else:
-        trial["position"] = trial["position"] + 1e-3 * np.random.default_rng(3).standard_normal(
-            velocity.size
-        )
-    result = analyse(trial, add_course(METHODS, {"cycle_onsets": "phase"}))
-    for text in describe_variations(result).values():
-        assert text.startswith("No change of") or "So the test decides nothing here." in text
 
 
 def test_onsets_of_each_merged_recording_go_with_its_trial():

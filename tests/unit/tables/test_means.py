@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from ankleloop.tables.means import COUNTS, count_outcomes, curve_means, mean_scores, means, widen
+from ankleloop.tables.means import COUNTS, count_outcomes, curve_means, means, widen
 
 
 @pytest.fixture
@@ -46,23 +46,6 @@ def test_a_trial_of_several_methods_is_one_trial(parameters):
         ["riv", 6, 1, 1, 1],
         ["pr", 6, 0, 1, 0],
     ]
-
-
-def test_means_of_scores_keep_their_order_and_say_what_they_leave_out(parameters):
-    """The rows of a method that failed in every trial stand without a mean."""
-    parameters.loc[parameters["method"].eq("pr") & parameters["point"].eq("q"), "failure"] = (
-        "no pole"
-    )
-    vaf = np.where(parameters["failure"].isna(), np.arange(12.0), np.nan)
-    parameters = parameters.assign(vaf_net_true=vaf, vaf_reflex_true=vaf + 5)
-    table = mean_scores(parameters, ["point", "method"])
-    assert table[["point", "method", "torque"]].values.tolist()[:3] == [
-        ["p", "riv", "net"], ["p", "riv", "reflex"], ["p", "pr", "net"]
-    ]  # fmt: skip
-    assert table["mean"].tolist()[:6] == [1.5, 6.5, 4.0, 9.0, 7.0, 12.0]
-    assert table["mean"].isna().tolist() == [False] * 6 + [True] * 2
-    assert table[["n", *COUNTS]].values.tolist()[:2] == [[2, 3, 1, 1, 1]] * 2
-    assert table[["n", *COUNTS]].values.tolist()[-1] == [0, 3, 3, 0, 0]
 
 
 def test_means_equal_numpy_on_each_group(parameters):
