@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ankleloop.command_line.naming import names_option, read_names
-from ankleloop.command_line.reading import (
-    FILE,
-    FOLDER,
-    map_trials,
-    name_recordings,
-    parse_reading,
-    reading_options,
-)
+from ankleloop.command_line.naming import map_recordings, names_option
+from ankleloop.command_line.reading import FILE, FOLDER, reading_options
 from ankleloop.command_line.terminal import echo, show_correction, show_next, show_progress
-from ankleloop.config.recording_settings import Recording, name_trials
-from ankleloop.errors import DataError
 
 EPILOG = """\b
 Examples:
@@ -83,7 +74,7 @@ def identify(
     folder = output or Path("ankleloop-results" if len(files) > 1 else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
-    recordings = _map_recordings(name_recordings(files), names, values)
+    recordings = map_recordings(files, names, values)
     several = len(recordings) > 1
     studies = [
         analysis.make_study(name, path, recording, methods, fields)
@@ -110,22 +101,6 @@ def identify(
     if names is None:
         _suggest_names(files)
     return int(not all(table["valid"].any() for table in tables))
-
-
-def _map_recordings(
-    paths: Mapping[str, Path], names: str | None, values: Mapping[str, Any]
-) -> dict[str, tuple[Recording, Path]]:
-    """Recordings with their files, by name."""
-    recordings = {}
-    for name, path in paths.items():
-        stated = {**values, **read_names(path, names)}
-        try:
-            trials = map_trials(path, **stated)
-        except DataError:  # its page says why
-            trials = [parse_reading(path, **stated)]
-        for trial, recording in name_trials(name, trials).items():
-            recordings[trial] = (recording, path)
-    return recordings
 
 
 def _suggest_names(files: Iterable[Path]) -> None:

@@ -1,12 +1,15 @@
-"""The option `--names`: subject, condition and repetition from the names of files."""
+"""Recordings of files by name, and the option `--names`: their labels from the names of the files."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
+from ankleloop.command_line.reading import map_trials, name_recordings, parse_reading
+from ankleloop.config.recording_settings import Recording, name_trials
 from ankleloop.errors import DataError
 
 HELP = (
@@ -16,7 +19,23 @@ HELP = (
 names_option = click.option("--names", metavar="PATTERN", help=HELP)
 
 
-def read_names(path: Path, names: str | None) -> dict[str, Any]:
+def map_recordings(
+    files: Iterable[Path], names: str | None, values: Mapping[str, Any]
+) -> dict[str, tuple[Recording, Path]]:
+    """Recordings with their files, by name."""
+    recordings = {}
+    for name, path in name_recordings(files).items():
+        stated = {**values, **_read_names(path, names)}
+        try:
+            trials = map_trials(path, **stated)
+        except DataError:  # its check says why
+            trials = [parse_reading(path, **stated)]
+        for trial, recording in name_trials(name, trials).items():
+            recordings[trial] = (recording, path)
+    return recordings
+
+
+def _read_names(path: Path, names: str | None) -> dict[str, Any]:
     """Labels in the name of a file, by option; without a pattern none."""
     from ankleloop.recordings.labels import GROUPS, read_labels
 

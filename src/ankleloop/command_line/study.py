@@ -12,17 +12,9 @@ from typing import Any
 import click
 
 from ankleloop.command_line.check import check_file
-from ankleloop.command_line.naming import names_option, read_names
-from ankleloop.command_line.reading import (
-    FILE,
-    list_choices,
-    map_trials,
-    name_recording,
-    name_recordings,
-    reading_options,
-)
+from ankleloop.command_line.naming import map_recordings, names_option
+from ankleloop.command_line.reading import FILE, list_choices, name_recording, reading_options
 from ankleloop.command_line.terminal import echo, join_words, refuse_existing, show_next
-from ankleloop.config.recording_settings import name_trials
 from ankleloop.options import suggest_name
 
 Values = dict[str, Any]  # by name
@@ -112,14 +104,7 @@ def _describe_recordings(
     recordings = []
     described = {}
     remarks = []
-    trials = [
-        (name, file, recording)
-        for stem, file in name_recordings(files).items()
-        for name, recording in name_trials(
-            stem, map_trials(file, **{**values, **read_names(file, names)})
-        ).items()
-    ]
-    for name, file, recording in trials:
+    for name, (recording, file) in map_recordings(files, names, values).items():
         _, check = check_file(file, recording)
         if values.get("torque_sign") is None and "torque_sign" in check.remedy:
             recording = recording.model_copy(update={"torque_sign": -1})

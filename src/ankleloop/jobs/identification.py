@@ -21,7 +21,6 @@ from ankleloop.trials.trial_files import Trials, load_rows
 
 log = logging.getLogger(__name__)
 
-GROUP_ROWS = 2_000  # that wait as objects; those of a table take much less memory
 COLUMN_TYPES = {
     "number": pa.float64(),
     "count": pa.int64(),
@@ -63,8 +62,7 @@ def identify_trials(
     """
     estimates = EstimateTable(precision) if "estimates" in files else None
     types = {point_column(name): COLUMN_TYPES[kind] for name, kind in kinds.items()}
-    tables = []
-    waiting = []
+    rows: list[Row] = []
     for condition, number, trial in trials:
         prepared = trial if isinstance(trial, str) else PreparedTrial(trial)
         # By method and its options.
@@ -84,15 +82,12 @@ def identify_trials(
                 if estimate is not None and estimates is not None:
                     estimates.add(estimate, point=point, name=name, number=number)
                 keys = {"study": study, "point": point, **values, "method": name, "trial": number}
-                waiting.append(keys | row)
-        if len(waiting) >= GROUP_ROWS:
-            tables.append(as_table(waiting, types))
-            waiting = []
+                rows.append(keys | row)
         log.info("%s: identified trial %d", condition, number)
         if isinstance(prepared, PreparedTrial):
             # Else trials would stay in memory until Python next searches for reference cycles.
             prepared.computed.clear()
-    table = pa.concat_tables([*tables, as_table(waiting, types)], promote_options="default")
+    table = as_table(rows, types)
     if estimates is not None:
         estimates.write(files["estimates"], overwrite=True)
     save_table(table, files["scores"])

@@ -88,11 +88,6 @@ class SweepAxis:
         return bool(ratios.std() / ratios.mean() < differences.std() / differences.mean())
 
     @property
-    def description(self) -> str:
-        """The label without its unit."""
-        return self.label.partition(" [")[0]
-
-    @property
     def heading(self) -> str:
         """The label, without the unit of what has none."""
         return self.label.removesuffix(" [1]")

@@ -38,9 +38,9 @@ MARKS = (
     "or came with a warning, which it holds. A cross: no trial has a value."
 )
 EXTREMES = (
-    "Points with the lowest and the highest mean; mean ± standard deviation over trials. Points where less than half of "
-    "the trials have a value are left out. Means leave out failures and hold estimates with a warning. All points are in "
-    "the CSV file."
+    "Points with the lowest and the highest mean; mean ± standard deviation over trials. Points where less than half "
+    "of the trials have a value are left out. Means leave out failures and hold estimates with a warning. All points "
+    "are in the CSV file."
 )
 
 
@@ -283,8 +283,8 @@ def draw_map(sweep: SweepStudy) -> CaptionedFigure:
 
 def _describe(sweep: SweepStudy, axes: Sequence[SweepAxis]) -> str:
     """What a picture over some parameters shows."""
-    others = [axis.description for axis in sweep.parameters if axis not in axes]
-    text = f"Means over trials against {', '.join(axis.description for axis in axes)}"
+    others = [axis.heading for axis in sweep.parameters if axis not in axes]
+    text = f"Means over trials against {', '.join(axis.heading for axis in axes)}"
     if others:
         text += f"; each is over all values of {', '.join(others)}"
     if sweep.difference:
@@ -297,9 +297,7 @@ def describe_design(sweep: SweepStudy) -> str:
     trials = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
     varied = "; ".join(map(_list_values, sweep.parameters)) or "nothing"
     text = (
-        f"Varied: {varied}. Points: {trials['point'].nunique():,}; conditions "
-        "(points that differ in options alone share their trials): "
-        f"{_number_conditions(trials).nunique():,}; trials at each point: {trials['trial'].nunique()}. "
+        f"Varied: {varied}. Points: {trials['point'].nunique():,}; trials at each point: {trials['trial'].nunique()}. "
         f"Identifications: {len(trials):,}; failed: {trials['failed'].sum():,}; "
         f"with a warning: {trials['warned'].sum():,}."
     )

@@ -48,10 +48,7 @@ def test_axes_choose_the_picture(read):
     assert len([axis for axis in figure.axes if axis.get_visible()]) == 5 * 3
     figure, caption = draw_sweep(read(table, varied, axes=["voluntary"], quantities=["K"]))
     assert figure.axes[0].get_xlabel() == "relative voluntary torque [1]"
-    assert (
-        "relative voluntary torque; each is over all values of reflex gain, block rows; bands are"
-        in caption
-    )
+    assert "against relative voluntary torque; each is over all values of reflex gain [" in caption
     figure, _ = draw_map(read(table, varied, quantities=["K"]))
     assert [axis.get_title() for axis in figure.axes if axis.get_title()] == list(LABELS.values())
 
