@@ -38,10 +38,8 @@ def draw_figures(
     marked = _mark_labels(analysis)
     estimates = {marked[label]: estimate for label, estimate in analysis.estimates.items()}
     styles = estimate_styles(estimates)
-    parts = [name for name in trials[0].data_vars if str(name).startswith("torque_")]
-    recordings = [trial.drop_vars(parts, errors="ignore") for trial in trials]
-    torques = torque_figure(recordings, estimates, **window)
-    torques.interactive = render_interactive_torques(recordings[0], estimates, styles, window)
+    torques = torque_figure(trials, estimates, **window)
+    torques.interactive = render_interactive_torques(trials[0], estimates, styles, window)
     figures["torques"] = torques
     figures["models"] = model_figure(estimates)
     changing = _select_changing(estimates)

@@ -122,33 +122,22 @@ def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) 
 def _choose_by_vaf(analysis: Analysis, comparable: pd.DataFrame) -> Choice:
     """The method that explains most of the unseen half, or the preferred one of those that cannot be told from it."""
     unseen = analysis.unseen
-    gains = {
-        (label, other): compare_unseen(unseen[label], unseen[other])
-        for label, other in permutations(comparable["label"], 2)
-    }
-    beaten = {other for (_, other), gain in gains.items() if gain and gain.low > 0}
+    better: dict[str, list[str]] = {label: [] for label in comparable["label"]}
+    for label, other in permutations(better, 2):
+        gain = compare_unseen(unseen[label], unseen[other])
+        if gain and gain.low > 0:
+            better[label].append(other)
+    beaten = {other for others in better.values() for other in others}
     row = _prefer(comparable[~comparable["label"].isin(beaten)])
     score = f"{row['vaf_unseen']:.1f} % of the half that was not fitted"
-    margins = []
-    unclear = []
-    for (label, other), gain in gains.items():
-        if other != row["label"]:
-            continue
-        if gain is None:
-            unclear.append(f"{label} (it is too short)")
-        elif gain.high >= 0:
-            unclear.append(f"{label} ({gain.low:+.2g} … {gain.high:+.2g} points)")
-        else:
-            margins.append(-gain.high)
-    if unclear:
+    rivals = [label for label in better if label not in (row["label"], *better[row["label"]])]
+    if rivals:
         order = "the order of preference (riv, the MOESP family, the parallel cascade)"
         reason = f"of the methods that the data do not tell apart it comes first in {order}"
-        others = "the others there, with the 95 % interval of their difference from it"
-        return row, f"{reason}. It explains {score}; {others}: {', '.join(unclear)}"
-    if not margins:
+        return row, f"{reason}. It explains {score}; the others there: {', '.join(rivals)}"
+    if len(better) == 1:
         return row, f"it is the only one that could be scored without a warning ({score})"
-    margin = min(margins)
-    return row, f"it explains most ({score}), by {margin:.2g} points or more (95 % confidence)"
+    return row, f"it explains most ({score}), with a confidence of 95 %"
 
 
 def _prefer(rows: pd.DataFrame) -> pd.Series:
