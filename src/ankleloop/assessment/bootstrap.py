@@ -138,10 +138,15 @@ def block_bootstrap(
     ValueError
         For an argument of another type or out of its range: 2 to 100 000 repetitions, a block of 0.001 s or more.
 
+    See Also
+    --------
+    ankleloop.identify : Makes an estimate, with asymptotic intervals where its method has them.
+    ankleloop.cramer_rao : The smallest standard deviations that are possible.
+
     References
     ----------
     H. R. Künsch, "The jackknife and the bootstrap for general stationary observations", Annals of Statistics 17(3),
-    1217-1241, 1989.
+    1217-1241, 1989. https://doi.org/10.1214/aos/1176347265
 
     Examples
     --------

@@ -84,6 +84,11 @@ def cramer_rao(
     DataError
         If the record does not tell some of the other parameters apart, or does not move.
 
+    See Also
+    --------
+    ankleloop.trajectory_bound : The same for parameters that change.
+    ankleloop.plan_duration : How long to record for intervals of a width.
+
     Examples
     --------
     >>> bound = cramer_rao(seed=1, duration=20.0)
@@ -314,6 +319,10 @@ def trajectory_bound(
         a disturbance, where the bound is 0.
     DataError
         If the record does not tell the splines apart, or is too short.
+
+    See Also
+    --------
+    ankleloop.cramer_rao : The same for constant parameters.
 
     Examples
     --------

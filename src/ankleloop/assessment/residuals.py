@@ -78,7 +78,7 @@ def residual_test(residual: np.ndarray, signal: np.ndarray, rate: float) -> Resi
     References
     ----------
     M. S. Bartlett, "Properties of sufficiency and statistical tests", Proceedings of the Royal Society A 160, 268-282,
-    1937.
+    1937. https://doi.org/10.1098/rspa.1937.0109
     """
     band = pass_band(residual.size, rate)
     times = _independent_lags(band)

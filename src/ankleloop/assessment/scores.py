@@ -86,6 +86,11 @@ def evaluate(
     TypeError, ValueError
         For an argument of another type or out of its range.
 
+    See Also
+    --------
+    ankleloop.vaf : The variance accounted for of two signals.
+    ankleloop.identify : Makes the estimate.
+
     Examples
     --------
     >>> from ankleloop.methods.registry import identify

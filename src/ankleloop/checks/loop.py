@@ -127,6 +127,7 @@ def feedback_test(
     References
     ----------
     J. A. Hausman, "Specification tests in econometrics", Econometrica 46(6), 1251-1271, 1978.
+    https://doi.org/10.2307/1913827
 
     Examples
     --------

@@ -97,6 +97,11 @@ def plan_duration(
     TypeError, ValueError
         For a width that is no number between 0.0001 and 10.
 
+    See Also
+    --------
+    ankleloop.design_perturbation : The command of the servo, from the same pilot.
+    ankleloop.cramer_rao : The smallest standard deviations that are possible.
+
     Examples
     --------
     >>> from ankleloop import identify, simulate

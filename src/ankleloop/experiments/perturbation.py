@@ -197,6 +197,10 @@ def design_perturbation(
     TypeError, ValueError
         For settings that `simulate` refuses, and for limits that leave less than a tenth of the amplitude.
 
+    See Also
+    --------
+    ankleloop.plan_duration : How long to record, from the same pilot.
+
     Examples
     --------
     >>> design = design_perturbation({"load": (0.1, 10.0, 100.0), "voluntary": 0.3}, seconds=20.0)

@@ -62,6 +62,10 @@ def save_estimate(estimate: Estimate, path: PathLike, *, overwrite: bool = False
     TypeError
         For diagnostics that are no numbers, texts, arrays, or lists and dictionaries of those.
 
+    See Also
+    --------
+    ankleloop.load_estimate : Reads the file.
+
     Examples
     --------
     >>> import tempfile
@@ -123,6 +127,10 @@ def load_estimate(path: PathLike) -> Estimate:
     ------
     DataError
         If there is no such file, it is damaged or of another origin, or a newer version of the library wrote it.
+
+    See Also
+    --------
+    ankleloop.save_estimate : Writes the file.
 
     Examples
     --------

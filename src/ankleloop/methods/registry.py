@@ -133,6 +133,13 @@ def identify(
         the position; and for a list that has a record twice. Faults that leave an estimate are in
         ``diagnostics["warnings"]`` (`ankleloop.checks.data.check_data`).
 
+    See Also
+    --------
+    ankleloop.identify_each : Many trials, to a table with a row for each.
+    ankleloop.check_trial : What can be identified from a trial, before anything is fitted.
+    ankleloop.evaluate : How much of the torque an estimate explains.
+    ankleloop.block_bootstrap : Intervals for every method with a model.
+
     Examples
     --------
     >>> from ankleloop.simulation.simulate import simulate

@@ -122,6 +122,11 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     DataError
         If the list is empty or has a record twice, or a trial is not valid.
 
+    See Also
+    --------
+    ankleloop.identify : Makes those of the checks that cost little, too.
+    ankleloop.read_trial : A trial from a file.
+
     Examples
     --------
     >>> from ankleloop.simulation.simulate import simulate

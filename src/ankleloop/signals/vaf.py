@@ -45,6 +45,10 @@ def vaf(measured: ArrayLike, estimated: ArrayLike) -> float:
     DataError
         If the lengths differ, a value is not finite, or `measured` is constant.
 
+    See Also
+    --------
+    ankleloop.evaluate : The same for all torques of an estimate, with intervals.
+
     Examples
     --------
     >>> float(round(vaf([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 4.0]), 6))

@@ -76,6 +76,11 @@ def simulate(
     DataError
         For a command of another length or rate than the record, or that is no finite numbers.
 
+    See Also
+    --------
+    ankleloop.new_trial : A trial from arrays.
+    ankleloop.read_trial : A trial from a file.
+
     Examples
     --------
     >>> trial = simulate(seed=1, duration=10.0)

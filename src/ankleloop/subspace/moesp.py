@@ -178,6 +178,10 @@ def moesp(
     TypeError, ValueError
         For an unknown option, or one out of its range.
 
+    See Also
+    --------
+    ankleloop.identify : Subspace methods for the joint.
+
     Examples
     --------
     >>> rng = np.random.default_rng(0)

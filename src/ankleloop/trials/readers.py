@@ -81,6 +81,11 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         `torque_unit`, or a gain or an offset without a convention, or holds no valid trial; or if an option has a wrong
         value.
 
+    See Also
+    --------
+    ankleloop.new_trial : A trial from arrays.
+    ankleloop.load_trial : A trial that the library has saved.
+
     Examples
     --------
     >>> import tempfile

@@ -66,6 +66,11 @@ def new_trial(
     DataError
         If an array is empty, not 1-D, not real numbers, or of another length; or if `validate` finds a fault.
 
+    See Also
+    --------
+    ankleloop.read_trial : A trial from a file.
+    ankleloop.segment : A part of a trial.
+
     Examples
     --------
     >>> import numpy as np
@@ -135,6 +140,10 @@ def segment(trial: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     ------
     DataError
         If the segment has no samples, or is not a valid trial.
+
+    See Also
+    --------
+    ankleloop.new_trial : A trial from arrays.
 
     Examples
     --------

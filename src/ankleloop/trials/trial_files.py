@@ -40,6 +40,10 @@ def save_trial(trial: xr.Dataset, path: PathLike, *, overwrite: bool = False) ->
     DataError
         If the trial is not valid, the file exists, or it cannot be written.
 
+    See Also
+    --------
+    ankleloop.load_trial : Reads the file.
+
     Examples
     --------
     >>> import tempfile
@@ -73,6 +77,11 @@ def load_trial(path: PathLike) -> xr.Dataset:
     ------
     DataError
         If the file does not exist, is not NetCDF-4, or does not hold a valid trial.
+
+    See Also
+    --------
+    ankleloop.save_trial : Writes the file.
+    ankleloop.read_trial : A trial from a file of a laboratory.
 
     Examples
     --------

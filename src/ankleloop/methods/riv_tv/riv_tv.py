@@ -70,9 +70,11 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
     References
     ----------
     D. L. Guarin, R. E. Kearney, "Estimation of time-varying, intrinsic and reflex dynamic joint stiffness during
-    movement", Frontiers in Computational Neuroscience 11, 51, 2017. S. N. Wood, M. Fasiolo, "A generalized
-    Fellner-Schall method for smoothing parameter optimization", Biometrics 73(4), 1071-1081, 2017. D. Staiger,
-    J. H. Stock, "Instrumental variables regression with weak instruments", Econometrica 65(3), 557-586, 1997.
+    movement", Frontiers in Computational Neuroscience 11, 51, 2017. https://doi.org/10.3389/fncom.2017.00051
+    S. N. Wood, M. Fasiolo, "A generalized Fellner-Schall method for smoothing parameter optimization", Biometrics
+    73(4), 1071-1081, 2017. https://doi.org/10.1111/biom.12666
+    D. Staiger, J. H. Stock, "Instrumental variables regression with weak instruments", Econometrica 65(3), 557-586,
+    1997. https://doi.org/10.2307/2171753
 
     Examples
     --------
