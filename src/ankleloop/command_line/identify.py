@@ -74,7 +74,7 @@ def identify(
     folder = output or Path("ankleloop-results" if len(files) > 1 else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
-    recordings = map_recordings(files, names, values)
+    recordings = map_recordings(files, names, values, tolerant=True)
     several = len(recordings) > 1
     studies = [
         analysis.make_study(name, path, recording, methods, fields)

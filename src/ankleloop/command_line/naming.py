@@ -20,15 +20,17 @@ names_option = click.option("--names", metavar="PATTERN", help=HELP)
 
 
 def map_recordings(
-    files: Iterable[Path], names: str | None, values: Mapping[str, Any]
+    files: Iterable[Path], names: str | None, values: Mapping[str, Any], *, tolerant: bool = False
 ) -> dict[str, tuple[Recording, Path]]:
-    """Recordings with their files, by name."""
+    """Recordings with their files, by name; a file that cannot be read is an error, or is left to its check."""
     recordings = {}
     for name, path in name_recordings(files).items():
         stated = {**values, **_read_names(path, names)}
         try:
             trials = map_trials(path, **stated)
-        except DataError:  # its check says why
+        except DataError:
+            if not tolerant:
+                raise
             trials = [parse_reading(path, **stated)]
         for trial, recording in name_trials(name, trials).items():
             recordings[trial] = (recording, path)

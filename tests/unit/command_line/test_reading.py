@@ -10,10 +10,6 @@ from ankleloop.command_line.reading import map_file, map_trials
 from ankleloop.config.checking import ConfigError
 from ankleloop.config.recording_settings import read_recordings
 from ankleloop.recordings.files import load_recording
-from ankleloop.trials.channels import NONE
-from ankleloop.trials.reading_options import ReadingOptions
-from ankleloop.trials.reading_process import read_channels
-from ankleloop.trials.recording_files import FILE_FORMATS, write_recording
 
 WAVE = np.sin(np.arange(300) / 20)
 
@@ -28,36 +24,6 @@ def write_columns(path, *names):
     )
     path.write_text(path.read_text().removeprefix("# "))
     return path
-
-
-@pytest.mark.parametrize(
-    ("names", "expected"),
-    [
-        (("position", "torque"), ("position", "torque", NONE, "rad")),
-        (("t", "Angle", "Moment", "Command"), ("Angle", "Moment", "Command", "rad")),
-        (
-            ("ankle_angle_deg", "ankleTorque_Nm", "ref"),
-            ("ankle_angle_deg", "ankleTorque_Nm", "ref", "deg"),
-        ),
-        (
-            ("angle [deg]", "angle_velocity", "tq", "angleCmd"),
-            ("angle [deg]", "tq", "angleCmd", "deg"),
-        ),
-        (("theta", "trq", "torque_reflex", "torque_noise"), ("theta", "trq", NONE, "rad")),
-        (
-            ("pos", "torque", "torque_reference", "set_point", "setpoint"),
-            ("pos", "torque", "setpoint", "rad"),
-        ),
-    ],
-)
-def test_names_that_leave_no_choice(tmp_path, names, expected):
-    recording = map_file(write_columns(tmp_path / "a.csv", *names))
-    assert (
-        recording.position,
-        recording.torque,
-        recording.reference,
-        recording.position_unit,
-    ) == expected
 
 
 @pytest.mark.parametrize(
@@ -202,16 +168,3 @@ def test_verbs_and_trials_of_a_file(run, rows, tmp_path):
     identified = run("identify", rows, *stars, "--output", tmp_path / "results")
     assert "S1-0  refused" in identified.out
     assert (tmp_path / "results" / "S1-1.html").exists()
-
-
-@pytest.mark.parametrize("kind", FILE_FORMATS)
-def test_variables_of_every_format(tmp_path, trial, kind):
-    path = tmp_path / f"a{FILE_FORMATS[kind]}"
-    write_recording(trial, path, kind)
-    recording = map_file(path)
-    found = read_channels(path, None, "find", variables=ReadingOptions().names)
-    assert {channel: variable.name for channel, variable in found.items()} == recording.channels
-    assert all(variable.read().size == 0 for variable in found.values())
-    recorded = read_trial(path, **recording.model_dump(include=set(ReadingOptions.model_fields)))
-    for name in ("position", "torque", "reference"):
-        np.testing.assert_allclose(recorded[name], trial[name], rtol=1e-9, atol=1e-12)
