@@ -18,7 +18,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, Trials, prepare_trials
 from ankleloop.joint.regressors import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.regressors import TORQUES, split_torques
-from ankleloop.joint.time_varying_course import COORDINATES, TRAJECTORIES
+from ankleloop.joint.time_varying_course import TRAJECTORIES
 from ankleloop.plotting.panels import PANEL_COLUMNS, Panel, Styles, curve, draw_panels, finish
 from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, estimate_styles
 from ankleloop.quantities import QUANTITIES
@@ -29,7 +29,6 @@ ESTIMATED = {"ls": (0, (4.0, 1.2)), "lw": 1.0}  # dashes, so that what lies belo
 TARGETS = {"measured": MEASURED, "true (simulated)": TRUE}
 BLANK = "#dddddd"  # places at which a parameter is not identified
 TRUTH = "true value"
-ORDINATE_MARGIN = 0.15  # of the range of the truth and the means, at either side
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +244,7 @@ def trajectories_figure(
     (dimension,) = dimensions
     first = next(iter(curves.values()))
     attributes = first[dimension].attrs
-    xlabel = _label_abscissa(attributes["units"], attributes["long_name"])
+    xlabel = label_abscissa(attributes["units"], attributes["long_name"])
     names = [name for name in TRAJECTORIES if any(name in part for part in curves.values())]
     panels = {name: Panel(QUANTITIES[name].label, xlabel=xlabel) for name in names}
     panels |= {f"excitation of {name}": Panel("excitation [1]", xlabel=xlabel) for name in names}
@@ -286,7 +285,7 @@ def trajectories_figure(
     return finish(figure)
 
 
-def _label_abscissa(unit: str, name: str) -> str:
+def label_abscissa(unit: str, name: str) -> str:
     """What trajectories are functions of, with its unit."""
     return f"{name} [{unit}]" if unit else name
 
@@ -298,30 +297,3 @@ def _mark_blanks(axis: Axes, place: np.ndarray, blank: np.ndarray) -> None:
         for centre in place[blank]:
             axis.axvspan(centre - half, centre + half, color=BLANK, lw=0, zorder=0)
         axis.plot([], [], color=BLANK, lw=5.0, label="not identified")
-
-
-def mean_trajectories_figure(table: pd.DataFrame, *, styles: Styles) -> DataFigure:
-    """Mean trajectories over trials with the spread of the trials: a row for each setting, a column for K, B and G.
-
-    The ordinates follow the truth and the means.
-    """
-    names = [name for name in TRAJECTORIES if name in set(table["parameter"])]
-    panel = table["row"] + table["parameter"]
-    table = table.assign(panel=panel, x=table["place"], value=table["mean"])
-    truths = table.drop_duplicates(["panel", "place"]).drop(columns=["low", "high"])
-    rows = pd.concat([truths.assign(series=TRUTH, value=truths["truth"]), table])
-    panels = {}
-    for setting, name in product(table["row"].unique(), names):
-        values = rows.loc[rows["parameter"] == name, "value"]
-        low = values.min()
-        high = values.max()
-        margin = ORDINATE_MARGIN * max(high - low, 0.05 * abs(high))
-        dimension = table.loc[table["row"] == setting, "dimension"].iloc[0]
-        panels[setting + name] = Panel(
-            QUANTITIES[name].label,
-            title=setting if name == names[len(names) // 2] else "",
-            limits=(low - margin, high + margin),
-            xlabel=_label_abscissa(*COORDINATES[dimension]),
-        )
-    looks = {**styles, TRUTH: TRUE}
-    return finish(draw_panels(rows, panels, looks, columns=len(names), height=TRAJECTORY_HEIGHT))

@@ -15,20 +15,12 @@ from ankleloop.joint.estimate_files import load_estimates
 from ankleloop.quantities import TRAJECTORIES
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.trajectories import draw_course, trajectories
-from ankleloop.tables.captions import LOAD, describe_values, format_load
 from ankleloop.tables.means import count_outcomes, measure_statistics
 from ankleloop.tables.outcomes import Points, Settings
 from ankleloop.trials.files import PathLike
 
 # Scores of a trajectory in the table of trials, by the column of their mean.
 TRAJECTORY_SCORES = {"error": "nrmse", "mean_error": "bias", "covered": "covered"}
-VARIATIONS = {
-    "cycle": "{:g} cycles",
-    "time": "over {:g} s",
-    "schedule": "scheduling variable, {:g} s",
-}
-TITLED = {*LOAD, "voluntary", "variation", "duration", "cycle_jitter"}  # in words of their own
-MOST_POINTS = 4  # that a figure shows
 PLACES = 101
 SPREAD = (0.025, 0.975)  # quantiles of the trials
 
@@ -132,36 +124,6 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
 def _root_mean_square(values: pd.Series) -> float:
     """Root of the mean of the squares of what has a value."""
     return np.sqrt((values**2).mean())
-
-
-def count_cycles(details: pd.DataFrame) -> str:
-    """Smallest and largest number of whole cycles of a trial that were identified; empty without cycles."""
-    counts = details.reindex(columns=["cycles"]).dropna()["cycles"]
-    if counts.empty:
-        return ""
-    ends = [f"{counts.min():.0f}", f"{counts.max():.0f}"]
-    return " to ".join(dict.fromkeys(ends))
-
-
-def title_setting(settings: Settings, varied: Sequence[str]) -> str:
-    """A setting of a study in a few words: what differs between the settings."""
-    has_cycles = settings["variation"] == "cycle"
-    parts = [format_load(settings)] if set(LOAD) & set(varied) else []
-    if "voluntary" in varied:
-        parts.append(f"voluntary {100 * settings['voluntary']:g} %")
-    extent = settings["duration"] / (settings["cycle_duration"] if has_cycles else 1.0)
-    parts.append(VARIATIONS[settings["variation"]].format(round(extent, 6)))
-    if has_cycles and settings["cycle_jitter"]:
-        parts.append(f"durations ± {100 * settings['cycle_jitter']:g} %")
-    others = describe_values({name: settings[name] for name in varied if name not in TITLED})
-    return ", ".join(filter(None, [*parts, others]))
-
-
-def typical_points(points: Points) -> list[str]:
-    """Points that a figure shows: all of a few, else some at equal distances in their list."""
-    names = list(points)
-    count = min(MOST_POINTS, len(names))
-    return [names[int((number + 0.5) * len(names) / count)] for number in range(count)]
 
 
 def compare_with_bound(details: pd.DataFrame, bounds: pd.DataFrame, method: str) -> pd.DataFrame:
