@@ -71,21 +71,6 @@ def format_rows(table: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame
     return pd.DataFrame(cells, index=table.index, dtype=str)
 
 
-def format_comparison(comparison: pd.DataFrame) -> pd.DataFrame:
-    """A comparison of conditions (`ankleloop.compare`) as people read it."""
-    columns = {
-        "parameter": "{parameter} [{unit}]",
-        "": "{kind}",
-        "condition": "{condition}",
-        "from": "{reference}",
-        "subjects": "{subjects:g}",
-        "value": "{value:.4g} ({low:.4g} … {high:.4g})",
-        "%": "{percent:+.3g} ({percent_low:+.3g} … {percent_high:+.3g})",
-        "subjects for 10 %": "{needed:g}",
-    }
-    return format_rows(comparison, columns)
-
-
 def format_means(
     summary: pd.DataFrame,
     name: str,

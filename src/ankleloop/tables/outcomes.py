@@ -66,9 +66,8 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     if failed.empty:
         return ""
     counts = f"{len(failed):,} of {len(parameters):,} identifications failed"
-    first = list_reasons(failed).iloc[0]
-    place = f"{first['identifications']:,} of them like {first['method']} at {first['point']}"
-    return f"{counts}; means leave them out. {place}: {first['reason']}"
+    reason = list_reasons(failed)["reason"].iloc[0]
+    return f"{counts}; means leave them out. Most often: {reason}"
 
 
 def count_faults(parameters: pd.DataFrame, where: str = "rings mark them in figures") -> str:

@@ -293,13 +293,12 @@ def _describe(sweep: SweepStudy, axes: Sequence[SweepAxis]) -> str:
 
 
 def describe_design(sweep: SweepStudy) -> str:
-    """What was varied: each parameter with its values, and the numbers of points, conditions, trials and faults."""
+    """What was varied: each parameter with its values, and the numbers of points and trials."""
     trials = sweep.trials[sweep.trials["method"].isin(list(sweep.labels))]
     varied = "; ".join(map(_list_values, sweep.parameters)) or "nothing"
     text = (
-        f"Varied: {varied}. Points: {trials['point'].nunique():,}; trials at each point: {trials['trial'].nunique()}. "
-        f"Identifications: {len(trials):,}; failed: {trials['failed'].sum():,}; "
-        f"with a warning: {trials['warned'].sum():,}."
+        f"Varied: {varied}. Points: {trials['point'].nunique():,}; trials at each point: {trials['trial'].nunique()}; "
+        f"identifications: {len(trials):,}."
     )
     if sweep.absent:
         absent = [QUANTITIES[name].symbol for name in sweep.absent]

@@ -176,7 +176,7 @@ def test_a_failure_is_a_row_and_loses_no_other_result(expected, fail, reason, tm
     assert list(second) == [0, 1]
     sentence = describe_failures(results.rows)
     counts = "2 of 12 identifications failed; means leave them out"
-    assert sentence == f"{counts}. 2 of them like pr at first: {reason}"
+    assert sentence == f"{counts}. Most often: {reason}"
     assert describe_failures(expected.rows) == ""
 
 
