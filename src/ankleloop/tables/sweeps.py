@@ -1,11 +1,10 @@
-"""A sweep as its report shows it: summaries over its trials, pictures with their captions, best and worst points."""
+"""A sweep as its report shows it: summaries over its trials, and pictures with their captions."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from typing import Any
 
 import pandas as pd
@@ -16,14 +15,12 @@ from ankleloop.plotting.style import MethodStyle, label_styles
 from ankleloop.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
 from ankleloop.quantities import ERRORS, FAULTS, QUANTITIES, SETTINGS, point_column
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.tables.comparisons import format_pairs
 from ankleloop.tables.means import group_rows, list_faults, means, measure_statistics
 from ankleloop.tables.outcomes import CONDITIONS, Labels, Settings
 from ankleloop.tables.trial_tables import default_quantities, label_parameter, read_trial_table
 from ankleloop.trials.files import PathLike
 
 MOST_COLUMNS = 8  # parameters over which lines are drawn
-LEAST_SHARE = 0.5  # of the trials of a point that need an estimate for its mean to be ranked
 # Of the trials of a mean that failed or came with a warning, from which on it is marked.
 FAULT_SHARE = 0.05
 LEAST_CONDITIONS = 3  # of which the interval of a mean says something
@@ -37,12 +34,6 @@ MARKS = (
     f" A ring, or an asterisk: at least {100 * FAULT_SHARE:g} % of the trials of a mean failed, which it leaves out, "
     "or came with a warning, which it holds. A cross: no trial has a value."
 )
-EXTREMES = (
-    "Points with the lowest and the highest mean; mean ± standard deviation over trials. Points where less than half "
-    "of the trials have a value are left out. Means leave out failures and hold estimates with a warning. All points "
-    "are in the CSV file."
-)
-
 
 Axes = tuple[SweepAxis, ...]
 CaptionedFigure = tuple[Figure, str]
@@ -312,22 +303,3 @@ def _list_values(axis: SweepAxis) -> str:
     if axis.ordered and len(texts) > 5:
         return f"{axis.heading}: {texts[0]} to {texts[-1]} ({len(texts):,} values)"
     return f"{axis.heading}: {', '.join(texts)}"
-
-
-def list_extremes(sweep: SweepStudy, summary: pd.DataFrame) -> pd.DataFrame:
-    """Points with the lowest and the highest mean of each quantity and method."""
-    ranked = summary[summary["n"] >= LEAST_SHARE * summary["trials"]].sort_values("mean")
-    rows = []
-    for name, method in product(sweep.quantities, sweep.labels):
-        points = ranked[(ranked["quantity"] == name) & (ranked["method"] == method)]
-        if len(points) < 2:
-            continue
-        for rank, place in (("lowest", 0), ("highest", -1)):
-            point = points.iloc[place]
-            row = {"quantity": QUANTITIES[name].label, "method": sweep.labels[method]}
-            row["rank"] = rank
-            for axis in sweep.parameters:
-                row[axis.heading] = axis.format(point[axis.column])
-            (row["mean ± sd"],) = format_pairs([point["mean"]], [point["sd"]], "{:.4g} ± {:.2g}")
-            rows.append(row)
-    return pd.DataFrame(rows)

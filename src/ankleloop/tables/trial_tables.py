@@ -77,15 +77,13 @@ def join_tables(
         write_csv(table.to_pandas(integer_object_nulls=True), text, overwrite=True)
 
 
-def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd.DataFrame:
+def read_trial_table(path: PathLike) -> pd.DataFrame:
     """Read the table of the trials of a study.
 
     Parameters
     ----------
     path : path-like
         Parquet file, `results/tables/STUDY-trials.parquet`.
-    columns : sequence of str, optional
-        Columns to read; by default all of them.
 
     Returns
     -------
@@ -110,7 +108,6 @@ def read_trial_table(path: PathLike, columns: Sequence[str] | None = None) -> pd
     with name_errors(path, "table of trials", REMEDY):
         table = parquet.read_table(
             path,
-            columns=columns,
             read_dictionary=texts,
             page_checksum_verification=True,
             use_threads=False,

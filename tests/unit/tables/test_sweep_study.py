@@ -6,7 +6,7 @@ import pytest
 from synthetic_sweep import LABELS, SETTINGS, grid, make_trials, sweep_options, write_trials
 
 from ankleloop.errors import DataError
-from ankleloop.tables.sweeps import SweepStudy, describe_design, draw_map, draw_sweep, list_extremes
+from ankleloop.tables.sweeps import SweepStudy, describe_design, draw_map, draw_sweep
 
 POINTS = grid(reflex_gain=[5.0, 10.0, 20.0], voluntary=[0.0, 0.5])
 
@@ -84,15 +84,3 @@ def test_maps_of_random_designs_are_over_bins(read):
         read(make_trials(points, trials=1), ["reflex_gain", "voluntary"], quantities=["K"])
     )
     assert figure.axes[0].images[0].get_array().shape == (10, 10)
-
-
-def test_extremes_are_the_ends_of_the_means(sweep):
-    table = list_extremes(sweep, sweep.summarise())
-    is_shown = (table["quantity"] == "net VAF, true [%]") & (table["method"] == "PR-MOESP")
-    rows = table[is_shown].set_index("rank")
-    trials = sweep.trials[sweep.trials["method"] == "moesp"]
-    means = trials.groupby(["point.reflex_gain", "point.voluntary"])["vaf_net_true"].mean()
-    for rank, place in (("highest", means.idxmax()), ("lowest", means.idxmin())):
-        shown = rows.loc[rank, ["reflex gain [N·m·s/rad]", "relative voluntary torque"]]
-        assert tuple(map(float, shown)) == place
-    assert len(table) == 5 * 2 * 2
