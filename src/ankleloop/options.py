@@ -335,9 +335,9 @@ check_flag = partial(check_argument, bool)
 @cache
 def _make_model(kind: Any, name: str, unit: str, limits: tuple[tuple[str, float], ...]) -> Any:
     """Options of one argument, which take as long to make as to use a hundred times."""
-    return create_model(
-        "Argument", __base__=Options, **{name: (kind, option(unit=unit, **dict(limits)))}
-    )
+    constraints: dict[str, Any] = dict(limits)
+    fields: dict[str, Any] = {name: (kind, option(unit=unit, **constraints))}
+    return create_model("Argument", __base__=Options, **fields)
 
 
 def check_path(owner: str, name: str, value: Any) -> Path:

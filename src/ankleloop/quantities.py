@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import Literal
 
+Goal = Literal["high", "zero", "low"] | None
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -17,7 +19,7 @@ class Quantity:
     setting: str = ""  # of the simulation, which is its true value
     # Smallest and largest value that a joint can have, from a finger to a leg that stands.
     plausible: tuple[float, float] = (-inf, inf)
-    goal: Literal["high", "zero", "low"] | None = None  # what a method should reach
+    goal: Goal = None  # what a method should reach
 
     @property
     def label(self) -> str:
@@ -25,9 +27,7 @@ class Quantity:
         return f"{self.symbol} [{self.unit}]"
 
 
-def _number(
-    symbol: str, unit: str = "1", goal: Literal["high", "zero", "low"] | None = None
-) -> Quantity:
+def _number(symbol: str, unit: str = "1", goal: Goal = None) -> Quantity:
     """A quantity that is called as it is written."""
     return Quantity(symbol, symbol, unit, goal=goal)
 
@@ -76,7 +76,7 @@ DIAGNOSTICS = {
     "variation_p": _number("p of the variation"),
 }
 # Of a trajectory: what its score is called, its unit, and its goal.
-_TRAJECTORY = {
+_TRAJECTORY: dict[str, tuple[str, str, Goal]] = {
     "nrmse": ("error of", "%", "low"),
     "bias": ("bias of", "%", "zero"),
     "covered": ("covered by the band of", "%", None),

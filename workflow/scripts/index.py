@@ -43,14 +43,12 @@ with running(snakemake):
     conclusions = read_conclusions(snakemake.input.conclusions)
     write_text(output.index, render_index(results, ledger, conclusions))
     figures = [figure for part in results["figures"].values() for figure in part]
+    linked = [path for figure in figures for path in figure["files"].values()]
+    linked += [*results["tables"], *results["links"].values()]
     write_crate(
         folder,
         Path(snakemake.params.repository),
         provenance,
         recordings=snakemake.params.recordings,
-        results=[
-            *[*snakemake.input.results, *snakemake.input.summaries, *snakemake.input.ledger],
-            *[folder / path for figure in figures for path in figure["files"].values()],
-            *[output.index, output.provenance, output.tables, *output.ledger],
-        ],
+        results=[*snakemake.input.results, output.index, *[folder / path for path in linked]],
     )

@@ -17,11 +17,10 @@ from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile
 
 from ankleloop.jobs.fingerprint import hash_file
-from ankleloop.jobs.results import TITLE, describe_version
+from ankleloop.jobs.results import METADATA, TITLE, describe_version
 from ankleloop.trials.files import PathLike, atomic_file
 
 LICENCE = "https://spdx.org/licenses/MIT"
-METADATA = "ro-crate-metadata.json"
 SOURCES = "source"  # folder of the crate with the workflow and what it read of its repository
 WORKFLOW = ("Snakefile", "workflow", "config", "data", "notebooks", "environment.lock")
 PUBLISHED = "data/published"  # numbers and claims of the paper
@@ -66,17 +65,18 @@ def write_crate(
     workflow["softwareRequirements"] = _add_program(crate, provenance)
     for path in set(_list_files([sources])) - {sources / "Snakefile"}:
         add_file(path)
-    inputs = [add_file(folder / "configuration.json")]  # all defaults, and the seeds of the studies
+    configuration = folder / "configuration.json"  # with all defaults, and the seeds of the studies
+    made = set(_list_files(results)) - {configuration, folder / METADATA}
+    inputs = [add_file(configuration)]
     inputs += [add_file(path) for path in _list_files([sources / PUBLISHED])]
     for path in filter(Path.exists, map(Path, recordings)):
         properties = {"@type": "CreativeWork", **_describe_file(path, path.name)}
         inputs.append(crate.add_jsonld({"@id": f"#{properties['sha256']}", **properties}))
-    made = _list_files(results)
     action = crate.add_action(
         workflow,
         "#run",
         inputs,
-        [add_file(path) for path in made],
+        [add_file(path) for path in sorted(made)],
         {
             "name": "Run of the workflow",
             "description": "Simulates or reads trials, identifies them by each method, and reports.",

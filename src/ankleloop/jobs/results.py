@@ -22,6 +22,7 @@ import ankleloop
 from ankleloop.trials.files import PathLike
 
 TITLE = "Results of ankleloop: intrinsic and reflex joint stiffness identified in closed loop"
+METADATA = "ro-crate-metadata.json"  # of the run, written after its pages
 # Pages and files of the whole run, in the order of the list.
 LINKS = {
     "Article: the replication in the order of the paper": "article.html",
@@ -29,7 +30,7 @@ LINKS = {
     "Ledger as CSV": "verification.csv",
     "Configuration with all defaults": "configuration.json",
     "Versions of all packages": "provenance.json",
-    "Metadata of the run (RO-Crate)": "ro-crate-metadata.json",
+    "Metadata of the run (RO-Crate)": METADATA,
 }
 OF_ARTICLE = {"article.html", "ledger.html", "verification.csv"}
 DIAGRAM_CAPTIONS = {
@@ -108,7 +109,9 @@ def collect_results(
     left_out = OF_ARTICLE if ledger is None else set()
     return {
         "links": {
-            text: path for text, path in LINKS.items() if path not in left_out and find(path)
+            text: path
+            for text, path in LINKS.items()
+            if path not in left_out and (find(path) or path == METADATA)
         },
         "tables": list(
             filter(find, [f"tables/{name}.csv" for name in (*table["study"], "economy")])

@@ -217,7 +217,7 @@ def _follow_variable(
     limits = []
     for (trial, grid), part, (samples, _) in zip(pairs, values, rows, strict=True):
         if schedule is None:
-            limits.append(part[samples][[0, -1]])
+            limits.append((part[samples][0], part[samples][-1]))
         else:
             limits.append(_schedule_limits(trial, grid, schedule, samples))
     low = float(np.min(limits))
