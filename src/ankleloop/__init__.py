@@ -14,6 +14,7 @@ _MODULES = {
     "METHODS": "methods.registry",
     "DataError": "errors",
     "Estimate": "joint.estimate",
+    "LiveEstimate": "live.live_estimate",
     "UnstableLoopError": "errors",
     "block_bootstrap": "assessment.bootstrap",
     "check_trial": "recordings.checks",

@@ -1,0 +1,1 @@
+"""Estimates during the recording, from a window that slides."""
