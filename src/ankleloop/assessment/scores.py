@@ -195,7 +195,7 @@ def parameter_row(trial: Trials, estimate: Estimate) -> dict[str, Any]:
     trials = prepare_trials(trial)
     prepared = trials[0]
     diagnostics = estimate.diagnostics
-    row: dict[str, Any] = _list_parameters(estimate)
+    row: dict[str, Any] = list_parameters(estimate)
     if estimate.intervals and diagnostics.get("intervals"):
         row["intervals"] = diagnostics["intervals"]
     has_noise = set(TORQUE_TRUTHS) <= set(prepared.trial.data_vars)
@@ -221,7 +221,7 @@ def parameter_row(trial: Trials, estimate: Estimate) -> dict[str, Any]:
     return row
 
 
-def _list_parameters(estimate: Estimate) -> dict[str, float]:
+def list_parameters(estimate: Estimate) -> dict[str, float]:
     """Parameters of an estimate, and the ends of their intervals."""
     values = {**estimate.stiffness, **estimate.reflex}
     for name, (low, high) in estimate.intervals.items():
@@ -281,7 +281,7 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
     truths = true_trajectories(prepared, estimate.trajectories)
     if truths is None:
         return {}
-    values: Mapping[Any, Any] = _list_parameters(estimate)
+    values: Mapping[Any, Any] = list_parameters(estimate)
     if estimate.trajectories is not None:
         values = estimate.trajectories
     row: dict[str, float] = {}

@@ -13,37 +13,34 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from ankleloop.assessment.scores import list_parameters
 from ankleloop.checks.record import SHORTEST_RECORD
 from ankleloop.errors import DataError, describe_error
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.regressors import decimation_grid
-from ankleloop.live.change import COMPARED, ChangeDetector
-from ankleloop.live.stream import Stream, Window
-from ankleloop.methods.method import NOMINAL_DELAY
+from ankleloop.live.change import COMPARED, Change, compare
+from ankleloop.live.stream import Stream, Window, check_stream
 from ankleloop.methods.registry import find_method, identify
 from ankleloop.options import as_real, check_argument, check_flag, check_number
 from ankleloop.quantities import PARAMETERS
 from ankleloop.signals.sampling import parse_rate
-from ankleloop.trials.trial import new_trial
+from ankleloop.trials.trial import check_sizes, new_trial
 
 OWNER = "LiveEstimate"
-SHOWN = ("K", "B", "I", "G")
-COLUMNS = (
-    "time",
-    "window",
-    *(f"{name}{end}" for name in SHOWN for end in ("", "_low", "_high")),
-    "warnings",
-    "failure",
-)
+COLUMNS = [
+    *("time", "window"),
+    *("K", "K_low", "K_high", "B", "B_low", "B_high"),
+    *("I", "I_low", "I_high", "G", "G_low", "G_high"),
+    *("warnings", "failure"),
+]
 LONGEST_HISTORY = 3600.0  # s
 
 
 class LiveEstimate:
     """K, B, I and G with intervals during the recording, by `riv` on a window that slides.
 
-    Each estimate is that of ``identify(window, "riv", **options)``, with its warnings and intervals. The window holds
-    the last samples, at most `memory` seconds of them and 10 s at least. It begins anew after a sample that is missing
-    and after a gap; samples that come twice or late are left out.
+    Each estimate is that of ``identify(window, "riv", **options)``, with its warnings and intervals. The window has the
+    last samples, at most `memory` seconds of them and at least 10 s. It begins anew after a sample that is missing and
+    after a gap; samples that come twice or late are left out.
 
     Parameters
     ----------
@@ -55,8 +52,8 @@ class LiveEstimate:
         Time from one estimate to the next [s].
     beside : bool
         Whether a thread of its own fits, so that `add` returns at once. Where it is late, windows are left out, and
-        never samples. Python runs one thread at a time: `add` may wait for some milliseconds. Without the thread `add`
-        fits itself, as a record that is replayed needs it.
+        never samples. Python runs one thread at a time, so `add` may wait for some milliseconds. Without the thread
+        `add` fits itself, as for a record that is replayed.
     **options
         Options of `riv`, see ``help(ankleloop.METHODS["riv"].options)``.
 
@@ -64,13 +61,16 @@ class LiveEstimate:
     ----------
     estimate : Estimate or None
         The newest estimate.
+    latency : float
+        Age of the newest estimate when it came [s]: of the middle of its window without the ends that filters take, and
+        with the time of the fit.
 
     Raises
     ------
     TypeError, ValueError
         For an unknown option, or a value out of its range.
     DataError
-        For a sampling rate that is no number, or that the rate of the identification does not divide.
+        For a sampling rate that is no number.
 
     Examples
     --------
@@ -94,29 +94,26 @@ class LiveEstimate:
         beside: bool = True,
         **options: Any,
     ) -> None:
-        rate = parse_rate(sampling_rate, source=OWNER)
-        memory = check_number(OWNER, "memory", memory, "s", ge=SHORTEST_RECORD, le=3600)
-        every = check_number(OWNER, "every", every, "s", ge=0.1, le=SHORTEST_RECORD)
-        chosen = find_method("riv").options.parse("method 'riv'", **options).at_rate(rate)
-        samples = round(memory * rate)
-        delay = NOMINAL_DELAY if chosen.delay is None else chosen.delay
-        grid = decimation_grid(samples, rate, chosen.identification_rate, delay)
-        last = grid.first + grid.factor * (grid.samples - 1)
-        self.estimate: Estimate | None = None
-        self._rate = rate
+        self._rate = parse_rate(sampling_rate, source=OWNER)
+        self._memory = check_number(OWNER, "memory", memory, "s", ge=SHORTEST_RECORD, le=3600)
+        self._every = check_number(OWNER, "every", every, "s", ge=0.1, le=COMPARED)
+        find_method("riv").options.parse("method 'riv'", **options)
         self._options = options
-        self._has_reference = chosen.reference != "position"
-        self._latency = {"filters": (samples - 1 - last) / rate, "window": 0.5 * memory, "fit": 0.0}
-        self._stream = Stream(rate, memory, channels=3 if self._has_reference else 2)
-        self._step = round(every * rate)  # samples from one estimate to the next
+        self._channels = ["position", "torque"]
+        if options.get("reference") != "position":
+            self._channels.append("reference")
+        self.estimate: Estimate | None = None
+        self.latency = np.nan
+        self._stream = Stream(self._rate, self._memory)
+        self._counted = 0  # samples that came without stamps
+        self._step = round(self._every * self._rate)  # samples from one estimate to the next
         self._left = self._step  # samples to the next one
         self._rows: list[dict[str, Any]] = []
-        self._most_rows = round(LONGEST_HISTORY / every)
-        self._changes = ChangeDetector(every)
+        self._changes = {"K": Change(), "G": Change()}
         self._queue: Queue[Window | None] = Queue(maxsize=1)
-        self._thread: Thread | None = None
-        if check_flag(OWNER, "beside", beside):
-            self._thread = Thread(target=self._work, name=OWNER, daemon=True)
+        self._thread = Thread(target=self._work, name=OWNER, daemon=True)
+        self._beside = check_flag(OWNER, "beside", beside)
+        if self._beside:
             self._thread.start()
 
     def add(
@@ -141,44 +138,28 @@ class LiveEstimate:
         Raises
         ------
         DataError
-            If a channel is no numbers, has another number of samples than the position, or is missing.
+            If a channel is missing, has no numbers, or is of another length.
         """
-        channels = {"position": position, "torque": torque}
-        if self._has_reference:
-            if reference is None:
-                raise DataError(
-                    f"{OWNER}: the reference is missing: add the command of the servo, or take reference='position' "
-                    "in open loop."
-                )
-            channels["reference"] = reference
-        if time is not None:
-            channels["time"] = time
-        rows = [as_real(values, name).ravel() for name, values in channels.items()]
-        count = rows[0].size
-        if any(row.size != count for row in rows):
-            sizes = ", ".join(
-                f"{name} {row.size}" for name, row in zip(channels, rows, strict=True)
-            )
-            raise DataError(f"{OWNER}: channels of different lengths ({sizes}): add whole samples.")
-        stamps = None if time is None else rows.pop()
-        samples = np.stack(rows)
-        start = 0
-        while start < count:
-            part = slice(start, start + self._left)
-            self._left -= self._stream.add(
-                samples[:, part], None if stamps is None else stamps[part]
-            )
+        if time is None:
+            count = np.size(position)
+            time = np.arange(self._counted, self._counted + count) / self._rate
+            self._counted += count
+        given = {"position": position, "torque": torque, "reference": reference, "time": time}
+        rows = {name: as_real(given[name], name).ravel() for name in (*self._channels, "time")}
+        check_sizes({name: row.size for name, row in rows.items()}, source=OWNER)
+        samples = np.stack(list(rows.values()))
+        while samples.size:
+            piece, samples = np.split(samples, [self._left], axis=1)
+            self._left -= self._stream.add(piece)
             if not self._left:
                 self._left = self._step
                 self._hand_over(self._stream.take_window())
-            start = part.stop
 
     def close(self) -> None:
         """Wait for the fits that are due, and end the thread."""
-        if self._thread is not None:
+        if self._beside:
             self._queue.put(None)
             self._thread.join()
-            self._thread = None
 
     def __enter__(self) -> Self:
         return self
@@ -200,15 +181,11 @@ class LiveEstimate:
     def change(self) -> pd.DataFrame:
         """The last change of K and of G: `since` when [s], `before`, `after` and `score`; nan where none was found.
 
-        The last 10 s are compared with the window before them, in standard errors. The threshold is such that K of a
-        constant joint gives one false alarm in an hour. `power` is the probability that a step by 30 % is found.
+        The last 10 s are compared with the window before them. The score is in standard errors; the threshold is that
+        of one false alarm of K in an hour. `power` is the probability that a step by 30 % is found: where it is small,
+        a parameter may have changed unseen.
         """
-        return self._changes.table
-
-    @property
-    def latency(self) -> dict[str, float]:
-        """Age of the newest number [s]: what `filters` cut off, half of the `window`, and what the last `fit` took."""
-        return dict(self._latency)
+        return pd.DataFrame.from_dict(self._changes, orient="index", columns=Change._fields)
 
     def enough(self, widths: Mapping[str, float]) -> bool:
         """Whether the intervals of the last window are as narrow as asked for.
@@ -216,7 +193,7 @@ class LiveEstimate:
         Parameters
         ----------
         widths : mapping
-            Half-width of the 95 % interval over the value, by parameter: ``{"K": 0.05}`` is K within 5 %.
+            Half-width of the 95 % interval over the value, of K, B, I or G: ``{"K": 0.05}`` is K within 5 %.
 
         Returns
         -------
@@ -226,31 +203,26 @@ class LiveEstimate:
         Raises
         ------
         ValueError
-            For an unknown parameter, or a width that is no number between 0.0001 and 10.
+            For another parameter, or a width that is no number between 0.0001 and 10.
         """
+        row = self._rows[-1] if self._rows else {}
+        is_enough = True
         for name, width in widths.items():
             check_argument(Literal[tuple(PARAMETERS)], "enough", "parameter", name)
             check_number("enough", f"widths: {name}", width, ge=1e-4, le=10)
-        estimate = self.estimate
-        if estimate is None or self._rows[-1]["failure"]:
-            return False
-        values = {**estimate.stiffness, **estimate.reflex}
-        for name, width in widths.items():
-            low, high = estimate.intervals.get(name, (-np.inf, np.inf))
-            value = values.get(name, np.nan)
-            if not max(high - value, value - low) <= width * abs(value):
-                return False
-        return True
+            value, low, high = (row.get(f"{name}{end}", np.nan) for end in ("", "_low", "_high"))
+            is_enough &= bool(max(high - value, value - low) <= width * abs(value))
+        return is_enough
 
     def _hand_over(self, window: Window) -> None:
         """Fit a window, or leave it to the thread, in the place of one that still waits."""
-        if self._thread is None:
+        if not self._beside:
             self._fit(window)
             return
         with suppress(Empty):
             late = self._queue.get_nowait()
-            window.warnings.extend(late.warnings if late else [])
-            window.warnings.append("a window was left out, because the computer is late.")
+            window.warnings.extend(late.warnings if late else ())
+            window.warnings.append("the fits are late: a window was left out.")
         self._queue.put(window)
 
     def _work(self) -> None:
@@ -261,45 +233,46 @@ class LiveEstimate:
     def _fit(self, window: Window) -> None:
         """Add the row of a window."""
         start = perf_counter()
-        row: dict[str, Any] = {"time": window.time, "window": window.samples.shape[1] / self._rate}
-        row["failure"] = ""
+        seconds = window.samples.shape[1] / self._rate
+        row: dict[str, Any] = {"time": window.time, "window": seconds, "failure": ""}
         warnings = window.warnings
         try:
-            estimate, last = self._identify(window.samples)
+            estimate = self._identify(window.samples)
+            self._find_changes(window)
         except Exception as error:  # whatever it is, the recording goes on
             row["failure"] = describe_error(error)
         else:
-            self._changes.add(window.time, estimate, last)
+            row |= list_parameters(estimate)
+            warnings += check_stream(window.samples, self._rate)
+            warnings += estimate.diagnostics["warnings"]
+            age = window.time - float(estimate.torque["time"].mean())
+            self.latency = age + perf_counter() - start
             self.estimate = estimate
-            row |= _list_numbers(estimate)
-            warnings = [*warnings, *estimate.diagnostics["warnings"]]
         row["warnings"] = " ".join(dict.fromkeys(warnings))
-        self._latency["fit"] = perf_counter() - start
         self._rows.append(row)
-        del self._rows[: -self._most_rows]
+        del self._rows[: -round(LONGEST_HISTORY / self._every)]
 
-    def _identify(self, samples: np.ndarray) -> tuple[Estimate, Estimate]:
-        """Estimates of a window and of its last seconds."""
-        seconds = samples.shape[1] / self._rate
-        if seconds < SHORTEST_RECORD - 1e-9:
-            raise DataError(
-                f"the window holds {seconds:.3g} s, and {SHORTEST_RECORD:g} s are needed."
-            )
+    def _identify(self, samples: np.ndarray) -> Estimate:
+        """Estimate from samples, at their times."""
         *channels, times = samples
-        trial = new_trial(channels[0], channels[1], self._rate, *channels[2:])
-        trial = trial.assign_coords(time=trial["time"].copy(data=trial["time"] + times[0]))
-        window = identify(trial, "riv", **self._options)
-        count = round(COMPARED * self._rate)
-        if count == times.size:
-            return window, window
-        return window, identify(trial.isel(time=slice(-count, None)), "riv", **self._options)
+        seconds = times.size / self._rate
+        if seconds < SHORTEST_RECORD:
+            text = f"the window has {seconds:.3g} s, and {SHORTEST_RECORD:g} s are needed."
+            raise DataError(text)
+        position, torque, *reference = channels
+        trial = new_trial(position, torque, self._rate, *reference)
+        time = trial["time"]
+        trial = trial.assign_coords(time=time.copy(data=time + times[0]))
+        return identify(trial, "riv", **self._options)
 
-
-def _list_numbers(estimate: Estimate) -> dict[str, float]:
-    """Parameters of an estimate that are shown, with the ends of their intervals."""
-    values = {**estimate.stiffness, **estimate.reflex}
-    numbers = {}
-    for name in SHOWN:
-        low, high = estimate.intervals.get(name, (np.nan, np.nan))
-        numbers |= {name: values.get(name, np.nan), f"{name}_low": low, f"{name}_high": high}
-    return numbers
+    def _find_changes(self, window: Window) -> None:
+        """Compare the last seconds with the window before them."""
+        since = window.time - COMPARED
+        earlier = [row for row in self._rows if row["time"] < since + 1e-6 and not row["failure"]]
+        if not earlier:
+            return
+        last = window.samples[:, -round(COMPARED * self._rate) :]
+        later = list_parameters(self._identify(last))
+        for name, found in self._changes.items():
+            present = compare(name, since, earlier[-1], later)
+            self._changes[name] = found.update(present, self._memory)
