@@ -33,13 +33,16 @@ class Change(NamedTuple):
         return self._replace(power=present.power)
 
 
-def compare(
-    name: str, since: float, earlier: Mapping[str, float], later: Mapping[str, float]
-) -> Change:
-    """Compare a parameter before and after a time, by values and ends of intervals."""
-    before = earlier[name]
-    after = later[name]
-    widths = [values[f"{name}_high"] - values[f"{name}_low"] for values in (earlier, later)]
-    error = float(np.hypot(*widths)) / (2.0 * TWO_SIDED)
-    power = float(special.ndtr(STEP * abs(before) / error - THRESHOLD))
-    return Change(since, before, after, (after - before) / error, power)
+def compare(name: str, earlier: Mapping[str, float], later: Mapping[str, float]) -> Change:
+    """Compare a parameter of two windows, by its values and the ends of its intervals."""
+    before = earlier.get(name, np.nan)
+    after = later.get(name, np.nan)
+    error = np.hypot(_find_error(name, earlier), _find_error(name, later))
+    power = special.ndtr(STEP * abs(before) / error - THRESHOLD)
+    return Change(earlier["time"], before, after, float((after - before) / error), float(power))
+
+
+def _find_error(name: str, values: Mapping[str, float]) -> float:
+    """Standard error of a parameter, by the width of its interval."""
+    width = values.get(f"{name}_high", np.nan) - values.get(f"{name}_low", np.nan)
+    return width / (2.0 * TWO_SIDED)

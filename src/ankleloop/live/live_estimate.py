@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from queue import Empty, Queue
-from threading import Thread
 from time import perf_counter
 from typing import Any, Literal, Self
 
@@ -15,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from ankleloop.assessment.scores import list_parameters
 from ankleloop.checks.record import SHORTEST_RECORD
-from ankleloop.errors import DataError, describe_error
+from ankleloop.errors import NUMERICAL_ERRORS, DataError, describe_error
 from ankleloop.joint.estimate import Estimate
 from ankleloop.live.change import COMPARED, Change, compare
-from ankleloop.live.stream import Stream, Window, check_stream
+from ankleloop.live.stream import Stream, check_stream
 from ankleloop.methods.registry import find_method, identify
 from ankleloop.options import as_real, check_argument, check_flag, check_number
 from ankleloop.quantities import PARAMETERS
@@ -110,11 +109,9 @@ class LiveEstimate:
         self._left = self._step  # samples to the next one
         self._rows: list[dict[str, Any]] = []
         self._changes = {"K": Change(), "G": Change()}
-        self._queue: Queue[Window | None] = Queue(maxsize=1)
-        self._thread = Thread(target=self._work, name=OWNER, daemon=True)
         self._beside = check_flag(OWNER, "beside", beside)
-        if self._beside:
-            self._thread.start()
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix=OWNER)
+        self._newest = self._pool.submit(lambda: None)  # fit, which may still wait
 
     def add(
         self,
@@ -144,22 +141,21 @@ class LiveEstimate:
             count = np.size(position)
             time = np.arange(self._counted, self._counted + count) / self._rate
             self._counted += count
-        given = {"position": position, "torque": torque, "reference": reference, "time": time}
-        rows = {name: as_real(given[name], name).ravel() for name in (*self._channels, "time")}
-        check_sizes({name: row.size for name, row in rows.items()}, source=OWNER)
-        samples = np.stack(list(rows.values()))
+        given: dict[str, Any] = {"position": position, "torque": torque, "reference": reference}
+        channels = {name: as_real(given[name], name).ravel() for name in self._channels}
+        channels["time"] = as_real(time, "time").ravel()
+        check_sizes({name: values.size for name, values in channels.items()}, source=OWNER)
+        samples = np.stack(list(channels.values()))
         while samples.size:
             piece, samples = np.split(samples, [self._left], axis=1)
             self._left -= self._stream.add(piece)
             if not self._left:
                 self._left = self._step
-                self._hand_over(self._stream.take_window())
+                self._start_fit()
 
     def close(self) -> None:
         """Wait for the fits that are due, and end the thread."""
-        if self._beside:
-            self._queue.put(None)
-            self._thread.join()
+        self._pool.shutdown()
 
     def __enter__(self) -> Self:
         return self
@@ -214,38 +210,31 @@ class LiveEstimate:
             is_enough &= bool(max(high - value, value - low) <= width * abs(value))
         return is_enough
 
-    def _hand_over(self, window: Window) -> None:
-        """Fit a window, or leave it to the thread, in the place of one that still waits."""
+    def _start_fit(self) -> None:
+        """Fit the last samples, in the place of a window that still waits."""
+        end, samples, warnings = self._stream.take_window()
+        if self._newest.cancel():
+            warnings.append("the fits are late: a window was left out.")
+        self._newest = self._pool.submit(self._fit, end, samples, warnings)
         if not self._beside:
-            self._fit(window)
-            return
-        with suppress(Empty):
-            late = self._queue.get_nowait()
-            window.warnings.extend(late.warnings if late else ())
-            window.warnings.append("the fits are late: a window was left out.")
-        self._queue.put(window)
+            self._newest.result()
 
-    def _work(self) -> None:
-        """Fit windows until there are no more."""
-        while (window := self._queue.get()) is not None:
-            self._fit(window)
-
-    def _fit(self, window: Window) -> None:
+    def _fit(self, end: float, samples: np.ndarray, warnings: list[str]) -> None:
         """Add the row of a window."""
         start = perf_counter()
-        seconds = window.samples.shape[1] / self._rate
-        row: dict[str, Any] = {"time": window.time, "window": seconds, "failure": ""}
-        warnings = window.warnings
+        seconds = samples.shape[1] / self._rate
+        row: dict[str, Any] = {"time": end, "window": seconds, "failure": ""}
         try:
-            estimate = self._identify(window.samples)
-            self._find_changes(window)
+            estimate = self._identify(samples)
+            with suppress(*NUMERICAL_ERRORS):  # of the last seconds alone: nothing is compared
+                self._find_changes(samples)
         except Exception as error:  # whatever it is, the recording goes on
             row["failure"] = describe_error(error)
         else:
             row |= list_parameters(estimate)
-            warnings += check_stream(window.samples, self._rate)
+            warnings += check_stream(samples, self._rate)
             warnings += estimate.diagnostics["warnings"]
-            age = window.time - float(estimate.torque["time"].mean())
+            age = end - float(estimate.torque["time"].mean())
             self.latency = age + perf_counter() - start
             self.estimate = estimate
         row["warnings"] = " ".join(dict.fromkeys(warnings))
@@ -265,14 +254,14 @@ class LiveEstimate:
         trial = trial.assign_coords(time=time.copy(data=time + times[0]))
         return identify(trial, "riv", **self._options)
 
-    def _find_changes(self, window: Window) -> None:
+    def _find_changes(self, samples: np.ndarray) -> None:
         """Compare the last seconds with the window before them."""
-        since = window.time - COMPARED
-        earlier = [row for row in self._rows if row["time"] < since + 1e-6 and not row["failure"]]
+        last = samples[:, -round(COMPARED * self._rate) :]
+        start = last[-1, 0] + 0.5 / self._rate
+        earlier = [row for row in self._rows if row["time"] < start and "K" in row]
         if not earlier:
             return
-        last = window.samples[:, -round(COMPARED * self._rate) :]
         later = list_parameters(self._identify(last))
         for name, found in self._changes.items():
-            present = compare(name, since, earlier[-1], later)
+            present = compare(name, earlier[-1], later)
             self._changes[name] = found.update(present, self._memory)

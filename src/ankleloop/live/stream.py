@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ankleloop.signals.sampling import RATE_TOLERANCE, format_samples
@@ -11,14 +9,6 @@ from ankleloop.signals.sampling import RATE_TOLERANCE, format_samples
 LARGEST_STEP = 1.5  # sampling intervals: more is a gap
 REST = 2.0  # s: no perturbation stands still for so long
 REST_SHARE = 0.01  # of the range of a reference, within which it stands still
-
-
-class Window(NamedTuple):
-    """The last samples of a stream that follow one another."""
-
-    time: float  # at its end [s]
-    samples: np.ndarray  # position, torque, perhaps a reference, and times [s]; shape (rows, N)
-    warnings: list[str]  # about the stream
 
 
 class Stream:
@@ -51,8 +41,11 @@ class Stream:
         self._repeated += int(np.sum(~is_new))
         return int(np.sum(is_new))
 
-    def take_window(self) -> Window:
-        """The last samples that follow one another, and what was wrong before and among them."""
+    def take_window(self) -> tuple[float, np.ndarray, list[str]]:
+        """Time at the end, the last samples that follow one another, and what is wrong with the stream.
+
+        Shapes: returns samples (rows, N): channels, and in the last row times [s].
+        """
         capacity = round(self._memory * self._rate)
         samples = np.hstack(self._pieces)[:, -capacity:]
         self._pieces = [samples]
@@ -70,7 +63,7 @@ class Stream:
             repeated = format_samples(self._repeated)
             warnings.append(f"{repeated} left out, which came twice or late.")
             self._repeated = 0
-        return Window(end, samples[:, first:], warnings)
+        return end, samples[:, first:], warnings
 
 
 def check_stream(samples: np.ndarray, rate: float) -> list[str]:

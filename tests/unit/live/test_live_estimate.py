@@ -1,0 +1,192 @@
+"""Estimates during the recording."""
+
+import numpy as np
+import pytest
+
+from ankleloop import DataError, LiveEstimate, identify, segment, simulate
+from ankleloop.live import live_estimate
+
+RATE = 1000.0
+STEP = {"variation": "time", "stiffness_table": [150.0] * 24 + [195.0] * 12}
+
+
+def read_channels(trial):
+    """Position, torque, reference and time of a trial."""
+    names = ("position", "torque", "reference", "time")
+    return np.stack([trial[name].to_numpy() for name in names])
+
+
+@pytest.fixture(scope="module")
+def trial():
+    return simulate(seed=3, duration=24.0, voluntary=0.3)
+
+
+@pytest.fixture
+def channels(trial):
+    return read_channels(trial)
+
+
+def follow(channels, pieces=1, **options):
+    """A live estimate of samples that came in so many pieces."""
+    with LiveEstimate(RATE, beside=False, **{"every": 2.0, **options}) as live:
+        for piece in np.array_split(channels, pieces, axis=1):
+            live.add(*piece)
+    return live
+
+
+@pytest.mark.parametrize("pieces", [5, 777, 24_000])
+def test_history_does_not_depend_on_the_pieces(channels, pieces):
+    faulty = channels.copy()
+    faulty[1, 5000:5003] = np.nan
+    assert follow(faulty, pieces).history.equals(follow(faulty).history)
+
+
+def test_estimate_is_that_of_the_same_samples(trial, channels):
+    live = follow(channels, order=3)
+    expected = identify(segment(trial, 4.0, 24.0), "riv", order=3)
+    assert live.estimate.reflex == pytest.approx(expected.reflex, rel=1e-9)
+    row = live.history.iloc[-1]
+    assert row["time"] == pytest.approx(24.0)
+    for name, interval in expected.intervals.items():
+        assert live.estimate.intervals[name] == pytest.approx(interval, rel=1e-9)
+    assert [row["K"], row["K_low"], row["K_high"]] == pytest.approx(
+        [expected.stiffness["K"], *expected.intervals["K"]], rel=1e-9
+    )
+    assert live.estimate.torque["time"].values[0] == pytest.approx(
+        expected.torque["time"].values[0]
+    )
+
+
+def test_first_estimate_is_that_of_ten_seconds(channels):
+    history = follow(channels).history
+    assert history["window"].tolist()[:5] == [2.0, 4.0, 6.0, 8.0, 10.0]
+    assert history["K"].notna().tolist()[:5] == [False] * 4 + [True]
+    assert "10 s are needed" in history["failure"][0]
+
+
+def lose(channels):
+    return np.delete(channels, slice(5000, 5100), axis=1)
+
+
+def blank(channels):
+    channels[2, 5000:5100] = np.nan
+    return channels
+
+
+@pytest.mark.parametrize("fault", [lose, blank])
+def test_window_begins_anew_behind_a_gap(trial, channels, fault):
+    live = follow(fault(channels))
+    history = live.history
+    assert "100 samples missing, the last before 5.1 s" in history["warnings"][2]
+    assert history["failure"][:6].ne("").all()
+    window = history["window"].iloc[-1]
+    assert window == pytest.approx(history["time"].iloc[-1] - 5.1)
+    end = history["time"].iloc[-1]
+    expected = identify(segment(trial, 5.1, end), "riv")
+    assert live.estimate.stiffness == pytest.approx(expected.stiffness, rel=1e-9)
+
+
+def test_samples_that_come_twice_or_late_are_left_out(channels):
+    clean = follow(channels).history
+    again = np.hstack([channels[:, :9000], channels[:, 4000:]])
+    history = follow(again, pieces=29).history
+    assert history.drop(columns="warnings").equals(clean.drop(columns="warnings"))
+    assert "5000 samples left out" in history["warnings"][4]
+    assert history["warnings"].iloc[-1] == clean["warnings"].iloc[-1]
+
+
+def test_clock_that_is_set_back_begins_anew(channels):
+    channels[3] += 100.0
+    channels[3, 12_000:] -= 100.0
+    live = follow(channels, pieces=2)
+    assert live.history["window"].iloc[-1] == pytest.approx(12.0)
+    assert live.history["time"].is_monotonic_increasing
+
+
+def test_clock_that_drifts_is_said(channels):
+    channels[3] *= 1.002
+    assert "samples come at 998.004 Hz" in follow(channels).history["warnings"].iloc[-1]
+
+
+def test_reference_that_stops_is_said(channels):
+    channels[2, 20_000:] = channels[2, 20_000]
+    warnings = follow(channels).history["warnings"]
+    assert "the reference stands still since 19.503 s" in warnings.iloc[-1]
+    assert "stands still" not in warnings.iloc[-3]
+
+
+def test_fit_that_fails_is_a_row_with_its_reason(channels):
+    channels[2, :12_000] = 0.0
+    live = follow(channels[:, :12_000])
+    assert "reference is constant" in live.history["failure"].iloc[-1]
+    assert live.estimate is None
+    assert not live.enough({"K": 1.0})
+
+
+def test_enough_is_a_matter_of_the_half_width(channels):
+    live = follow(channels)
+    row = live.history.iloc[-1]
+    share = (row["K_high"] - row["K"]) / row["K"]
+    assert live.enough({"K": 1.01 * share, "G": 1.0})
+    assert not live.enough({"K": 0.99 * share, "G": 1.0})
+    channels[0, -1] = np.nan
+    assert not follow(channels).enough({"K": 1.0})
+
+
+def test_change_of_K_is_found_soon():
+    trial = simulate(seed=1, duration=36.0, **STEP)
+    change = follow(read_channels(trial)).change
+    assert change.loc["K", "since"] == pytest.approx(24.0, abs=2.1)
+    assert change.loc["K", "after"] / change.loc["K", "before"] == pytest.approx(1.3, abs=0.1)
+    assert np.isnan(change.loc["G", "since"])
+    assert change.loc["K", "power"] > 0.9
+
+
+def test_constant_joint_has_no_change(channels):
+    change = follow(channels).change
+    assert change["since"].isna().all()
+    assert change.loc["G", "power"] < change.loc["K", "power"]
+
+
+def test_fits_beside_the_reading_lose_no_sample(channels):
+    expected = follow(channels).history
+    with LiveEstimate(RATE, every=2.0) as live:
+        for piece in np.array_split(channels, 100, axis=1):
+            live.add(*piece)
+    rows = expected[expected["time"].isin(live.history["time"])]
+    assert rows["K"].tolist() == pytest.approx(live.history["K"].tolist(), nan_ok=True)
+    assert live.history["time"].iloc[-1] == pytest.approx(24.0)
+    assert live.history["K"].iloc[-1] == pytest.approx(expected["K"].iloc[-1])
+
+
+def test_latency_is_that_of_window_and_filters(channels):
+    live = follow(channels)
+    middle = float(live.estimate.torque["time"].mean())
+    assert live.latency > 24.0 - middle > 9.9
+
+
+def test_history_is_that_of_the_last_hour(channels, monkeypatch):
+    monkeypatch.setattr(live_estimate, "LONGEST_HISTORY", 8.0)
+    assert follow(channels).history["time"].tolist() == pytest.approx([18.0, 20.0, 22.0, 24.0])
+
+
+def test_open_loop_needs_no_reference():
+    trial = simulate(seed=1, duration=12.0, closed_loop=False)
+    with LiveEstimate(RATE, every=4.0, beside=False, reference="position") as live:
+        live.add(trial["position"], trial["torque"])
+    expected = identify(trial, "riv", reference="position")
+    assert live.estimate.stiffness["K"] == pytest.approx(expected.stiffness["K"], rel=1e-3)
+
+
+def test_bad_samples_and_options_are_refused(channels):
+    with pytest.raises(TypeError, match="has no option 'ordre'"):
+        LiveEstimate(RATE, ordre=3)
+    with pytest.raises(ValueError, match="memory must be between 10 and 3600 s"):
+        LiveEstimate(RATE, memory=5.0)
+    live = LiveEstimate(RATE, beside=False)
+    with pytest.raises(DataError, match="reference must be an array of real numbers, got None"):
+        live.add(0.1, 1.0)
+    with pytest.raises(DataError, match="torque has 2 samples but position has 1"):
+        live.add(0.1, [1.0, 2.0], 0.1)
+    with pytest.raises(ValueError, match="parameter must be one of"):
+        live.enough({"k": 0.1})
