@@ -44,24 +44,15 @@ def test_history_does_not_depend_on_the_pieces(channels, pieces):
 def test_estimate_is_that_of_the_same_samples(trial, channels):
     live = follow(channels, order=3)
     expected = identify(segment(trial, 4.0, 24.0), "riv", order=3)
-    assert live.estimate.reflex == pytest.approx(expected.reflex, rel=1e-9)
     row = live.history.iloc[-1]
-    assert row["time"] == pytest.approx(24.0)
-    for name, interval in expected.intervals.items():
-        assert live.estimate.intervals[name] == pytest.approx(interval, rel=1e-9)
-    assert [row["K"], row["K_low"], row["K_high"]] == pytest.approx(
-        [expected.stiffness["K"], *expected.intervals["K"]], rel=1e-9
+    numbers = [row["time"], row["G"], row["K_low"], row["K_high"]]
+    assert numbers == pytest.approx(
+        [24.0, expected.reflex["G"], *expected.intervals["K"]], rel=1e-9
     )
-    assert live.estimate.torque["time"].values[0] == pytest.approx(
-        expected.torque["time"].values[0]
-    )
-
-
-def test_first_estimate_is_that_of_ten_seconds(channels):
-    history = follow(channels).history
-    assert history["window"].tolist()[:5] == [2.0, 4.0, 6.0, 8.0, 10.0]
-    assert history["K"].notna().tolist()[:5] == [False] * 4 + [True]
-    assert "10 s are needed" in history["failure"][0]
+    for name in ("net", "time"):
+        differences = live.estimate.torque[name].values - expected.torque[name].values
+        assert np.abs(differences).max() < 1e-9
+    assert live.latency > 24.0 - float(expected.torque["time"].mean())
 
 
 def lose(channels):
@@ -78,21 +69,18 @@ def test_window_begins_anew_behind_a_gap(trial, channels, fault):
     live = follow(fault(channels))
     history = live.history
     assert "100 samples missing, the last before 5.1 s" in history["warnings"][2]
-    assert history["failure"][:6].ne("").all()
-    window = history["window"].iloc[-1]
-    assert window == pytest.approx(history["time"].iloc[-1] - 5.1)
+    assert "10 s are needed" in history["failure"][6]
     end = history["time"].iloc[-1]
+    assert history["window"].iloc[-1] == pytest.approx(end - 5.1)
     expected = identify(segment(trial, 5.1, end), "riv")
     assert live.estimate.stiffness == pytest.approx(expected.stiffness, rel=1e-9)
 
 
 def test_samples_that_come_twice_or_late_are_left_out(channels):
-    clean = follow(channels).history
     again = np.hstack([channels[:, :9000], channels[:, 4000:]])
     history = follow(again, pieces=29).history
-    assert history.drop(columns="warnings").equals(clean.drop(columns="warnings"))
-    assert "5000 samples left out" in history["warnings"][4]
-    assert history["warnings"].iloc[-1] == clean["warnings"].iloc[-1]
+    assert history["K"].equals(follow(channels).history["K"])
+    assert ["5000 samples left out" in text for text in history["warnings"]].index(True) == 4
 
 
 def test_clock_that_is_set_back_begins_anew(channels):
@@ -153,16 +141,10 @@ def test_fits_beside_the_reading_lose_no_sample(channels):
     with LiveEstimate(RATE, every=2.0) as live:
         for piece in np.array_split(channels, 100, axis=1):
             live.add(*piece)
-    rows = expected[expected["time"].isin(live.history["time"])]
-    assert rows["K"].tolist() == pytest.approx(live.history["K"].tolist(), nan_ok=True)
-    assert live.history["time"].iloc[-1] == pytest.approx(24.0)
-    assert live.history["K"].iloc[-1] == pytest.approx(expected["K"].iloc[-1])
-
-
-def test_latency_is_that_of_window_and_filters(channels):
-    live = follow(channels)
-    middle = float(live.estimate.torque["time"].mean())
-    assert live.latency > 24.0 - middle > 9.9
+    history = live.history
+    same = expected[expected["time"].isin(history["time"])]
+    assert same["K"].tolist() == pytest.approx(history["K"].tolist(), nan_ok=True)
+    assert history["time"].iloc[-1] == pytest.approx(24.0)
 
 
 def test_history_is_that_of_the_last_hour(channels, monkeypatch):
@@ -172,17 +154,15 @@ def test_history_is_that_of_the_last_hour(channels, monkeypatch):
 
 def test_open_loop_needs_no_reference():
     trial = simulate(seed=1, duration=12.0, closed_loop=False)
-    with LiveEstimate(RATE, every=4.0, beside=False, reference="position") as live:
-        live.add(trial["position"], trial["torque"])
-    expected = identify(trial, "riv", reference="position")
-    assert live.estimate.stiffness["K"] == pytest.approx(expected.stiffness["K"], rel=1e-3)
+    live = LiveEstimate(RATE, every=4.0, beside=False, reference="position")
+    live.add(trial["position"], trial["torque"])
+    low, high = live.estimate.intervals["K"]
+    assert low < 150.0 < high
 
 
-def test_bad_samples_and_options_are_refused(channels):
+def test_bad_samples_and_options_are_refused():
     with pytest.raises(TypeError, match="has no option 'ordre'"):
         LiveEstimate(RATE, ordre=3)
-    with pytest.raises(ValueError, match="memory must be between 10 and 3600 s"):
-        LiveEstimate(RATE, memory=5.0)
     live = LiveEstimate(RATE, beside=False)
     with pytest.raises(DataError, match="reference must be an array of real numbers, got None"):
         live.add(0.1, 1.0)
