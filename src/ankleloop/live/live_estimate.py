@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from time import perf_counter
 from typing import Any, Literal, Self
@@ -111,7 +111,7 @@ class LiveEstimate:
         self._changes = {"K": Change(), "G": Change()}
         self._beside = check_flag(OWNER, "beside", beside)
         self._pool = ThreadPoolExecutor(1, thread_name_prefix=OWNER)
-        self._newest = self._pool.submit(lambda: None)  # fit, which may still wait
+        self._newest: Future[None] | None = None  # fit, which may still wait
 
     def add(
         self,
@@ -213,7 +213,7 @@ class LiveEstimate:
     def _start_fit(self) -> None:
         """Fit the last samples, in the place of a window that still waits."""
         end, samples, warnings = self._stream.take_window()
-        if self._newest.cancel():
+        if self._newest is not None and self._newest.cancel():
             warnings.append("the fits are late: a window was left out.")
         self._newest = self._pool.submit(self._fit, end, samples, warnings)
         if not self._beside:
@@ -244,10 +244,9 @@ class LiveEstimate:
     def _identify(self, samples: np.ndarray) -> Estimate:
         """Estimate from samples, at their times."""
         *channels, times = samples
-        seconds = times.size / self._rate
-        if seconds < SHORTEST_RECORD:
-            text = f"the window has {seconds:.3g} s, and {SHORTEST_RECORD:g} s are needed."
-            raise DataError(text)
+        if times.size < round(SHORTEST_RECORD * self._rate):
+            seconds = times.size / self._rate
+            raise DataError(f"the window has {seconds:.3g} s; {SHORTEST_RECORD:g} s are needed.")
         position, torque, *reference = channels
         trial = new_trial(position, torque, self._rate, *reference)
         time = trial["time"]
