@@ -15,16 +15,16 @@ from ankleloop import LiveEstimate, simulate
 
 CONDITIONS = list(itertools.product(LOADS, (0.05, 0.3)))
 LABELS = ["load_inertia", "voluntary"]
-STEP_TIME = 40.0  # s
-FOUND = (-STEP_TIME, 0.0, 10.0, np.inf)  # limits of the time after it [s]
+STEP_TIME = 30.0  # s
+FOUND = (-np.inf, 0.0, 10.0, np.inf)  # limits of the time after it [s]
 GOALS = (("K", 0.05), ("K", 0.1), ("G", 0.2))
-STEP = {"variation": "time", "stiffness_table": [150.0] * 40 + [195.0] * 20}
+STEP = {"variation": "time", "stiffness_table": [150.0] * 30 + [195.0] * 10}
 # Seeds and settings of records: of 600 windows in each condition that do not overlap, of a joint that stays as it is,
-# and of one whose K rises by 30 % at 40 s.
+# and of one whose K rises by 30 % at 30 s.
 KINDS = {
     "windows": (range(810_000, 810_120), {"duration": 400.0, "every": 10.0}),
     "constant": (range(820_000, 820_060), {"duration": 120.0}),
-    "step": (range(830_000, 830_200), {"duration": 60.0, **STEP}),
+    "step": (range(830_000, 830_200), {"duration": 40.0, **STEP}),
 }
 
 
