@@ -246,7 +246,9 @@ class LiveEstimate:
         *channels, times = samples
         if times.size < round(SHORTEST_RECORD * self._rate):
             seconds = times.size / self._rate
-            raise DataError(f"the window has {seconds:.3g} s; {SHORTEST_RECORD:g} s are needed.")
+            raise DataError(
+                f"there are {seconds:.3g} s without a missing sample, and {SHORTEST_RECORD:g} s are needed."
+            )
         position, torque, *reference = channels
         trial = new_trial(position, torque, self._rate, *reference)
         time = trial["time"]

@@ -27,12 +27,15 @@ class Stream:
 
     def add(self, samples: np.ndarray) -> int:
         """Add samples, and return how many of them are new."""
+        samples = samples[:, np.isfinite(samples[-1])]
+        if not samples.size:
+            return 0
         stamps = samples[-1]
         is_continued = stamps[0] + self._offset > self._time - self._memory
         if not is_continued:  # the first stamps, or a clock that was set back
             self._offset = self._time + 2.0 / self._rate - stamps[0]
         times = stamps + self._offset
-        latest = np.fmax.accumulate(np.append(self._time, times))
+        latest = np.maximum.accumulate(np.append(self._time, times))
         is_new = times > latest[:-1]
         is_complete = np.isfinite(samples).all(axis=0)
         shifted = np.vstack([samples[:-1], times])
