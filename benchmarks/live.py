@@ -63,7 +63,7 @@ def summarise_windows(rows):
 
 def summarise_enough(rows):
     """Coverage at the moment when there is first enough, before any step."""
-    early = rows[rows["time"] <= STEP_TIME]
+    early = rows[(rows["time"] <= STEP_TIME) & (rows["window"] > 20.0 - 1e-3)]
     for name, share in GOALS:
         widths = early[f"{name}_high"] - early[f"{name}_low"]
         first = early[widths <= 2.0 * share * early[name]].groupby([*LABELS, "seed"]).first()

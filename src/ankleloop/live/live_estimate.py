@@ -184,7 +184,9 @@ class LiveEstimate:
         return pd.DataFrame.from_dict(self._changes, orient="index", columns=Change._fields)
 
     def enough(self, widths: Mapping[str, float]) -> bool:
-        """Whether the intervals of the last window are as narrow as asked for.
+        """Whether the window is full and its intervals are as narrow as asked for.
+
+        Intervals of shorter windows hold the truth less often.
 
         Parameters
         ----------
@@ -194,7 +196,7 @@ class LiveEstimate:
         Returns
         -------
         bool
-            False where the last window gave no estimate.
+            False as well where the last window gave no estimate.
 
         Raises
         ------
@@ -202,7 +204,7 @@ class LiveEstimate:
             For another parameter, or a width that is no number between 0.0001 and 10.
         """
         row = self._rows[-1] if self._rows else {}
-        is_enough = True
+        is_enough = row.get("window", 0.0) > self._memory - 1.0 / self._rate
         for name, width in widths.items():
             check_argument(Literal[tuple(PARAMETERS)], "enough", "parameter", name)
             check_number("enough", f"widths: {name}", width, ge=1e-4, le=10)

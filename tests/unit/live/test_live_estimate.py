@@ -117,6 +117,7 @@ def test_enough_is_a_matter_of_the_half_width(channels):
     share = (row["K_high"] - row["K"]) / row["K"]
     assert live.enough({"K": 1.01 * share, "G": 1.0})
     assert not live.enough({"K": 0.99 * share, "G": 1.0})
+    assert not follow(channels[:, :18_000]).enough({"K": 1.0})  # the window is not full
 
 
 def test_change_of_K_is_found_soon():
