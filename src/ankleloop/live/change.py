@@ -11,7 +11,7 @@ from scipy import special
 from ankleloop.signals.vaf import TWO_SIDED
 
 COMPARED = 10.0  # s, the last ones
-THRESHOLD = 4.3  # standard errors: K of a constant joint exceeds them once in an hour
+THRESHOLD = 4.0  # standard errors: K of a constant joint exceeds them once in an hour
 STEP = 0.3  # of a parameter: the change that the power is for
 
 
