@@ -1,20 +1,26 @@
-"""`ankleloop demo`: a simulated trial in files of a laboratory, and its identification."""
+"""`ankleloop demo`: a simulated trial in files of a laboratory, and its identification; or as a stream."""
 
 from __future__ import annotations
 
+import time
 import webbrowser
 from pathlib import Path
 
 import click
+import numpy as np
 
 from ankleloop.command_line.identify import identify
 from ankleloop.command_line.reading import FOLDER
 from ankleloop.command_line.terminal import echo, join_words, refuse_existing, show_next
 from ankleloop.quantities import SETTINGS, STIFFNESS
 
+STREAM = "ankleloop-demo"
+RISE = 40  # s
+PIECE, LEAST = 0.02, 120.0  # s
 EPILOG = """\b
 Examples:
   ankleloop demo
+  ankleloop demo --lsl
 """
 
 
@@ -38,7 +44,10 @@ Examples:
     type=click.FloatRange(20, 600),
     default=50.0,
     show_default=True,
-    help="Its length [s].",
+    help="Its length [s]; with --lsl 120 at least.",
+)
+@click.option(
+    "--lsl", is_flag=True, help="Send it in real time over the Lab Streaming Layer, without files."
 )
 @click.option("--overwrite", is_flag=True, help="Replace the files of an earlier run.")
 @click.option(
@@ -46,13 +55,22 @@ Examples:
 )
 @click.pass_context
 def demo(
-    context: click.Context, output: Path, seed: int, duration: float, overwrite: bool, opens: bool
+    context: click.Context,
+    output: Path,
+    seed: int,
+    duration: float,
+    lsl: bool,
+    overwrite: bool,
+    opens: bool,
 ) -> int:
     """Simulate a trial, write it as a laboratory would, and identify it.
 
     The joint pushes against a compliant load, with the settings of the paper. The trial is written as CSV, MATLAB v5
-    and HDF5, and the CSV file is identified as `ankleloop identify` does.
+    and HDF5, and the CSV file is identified as `ankleloop identify` does. With --lsl its samples are sent as they would
+    come while a subject moves, for `ankleloop live`; its stiffness rises on the way.
     """
+    if lsl:
+        return _stream(seed, max(duration, LEAST))
     import pandas as pd
 
     from ankleloop.quantities import QUANTITIES
@@ -82,4 +100,33 @@ def demo(
     if opens and not webbrowser.open(page.absolute().as_uri()):
         show_next(f"there is no browser that could be opened: open {page} yourself.")
     show_next(join_words(["ankleloop", "study", "my-study.yaml", *map(str, paths.values())]))
+    return 0
+
+
+def _stream(seed: int, duration: float) -> int:
+    """Send a simulated trial in real time, from when somebody listens."""
+    from ankleloop.live.sources import import_lsl
+    from ankleloop.simulation.simulate import simulate
+    from ankleloop.trials.channels import CHANNELS
+
+    lsl = import_lsl()
+    stiffness = np.where(np.arange(duration + 1) > RISE, 195.0, 150.0)
+    trial = simulate(seed=seed, duration=duration, variation="time", stiffness_table=stiffness)
+    samples = np.column_stack([trial[name] for name in CHANNELS])
+    rate = trial.attrs["sampling_rate"]
+    info = lsl.StreamInfo(STREAM, "Joint", len(CHANNELS), rate, lsl.cf_double64, source_id=STREAM)
+    info.set_channel_labels(list(CHANNELS))
+    outlet = lsl.StreamOutlet(info)
+    echo(
+        f"The stream {STREAM} begins when it is read; K rises from 150 to 195 N·m/rad at {RISE} s."
+    )
+    show_next(f"ankleloop live --lsl {STREAM}, in another terminal")
+    while not outlet.wait_for_consumers(1.0):
+        pass
+    end = lsl.local_clock()
+    for piece in np.array_split(samples, round(duration / PIECE)):
+        end += len(piece) / rate
+        time.sleep(max(0.0, end - lsl.local_clock()))
+        outlet.push_chunk(piece, end)
+    time.sleep(1.0)  # until all has been read
     return 0

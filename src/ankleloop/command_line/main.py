@@ -19,6 +19,7 @@ import ankleloop
 from ankleloop.command_line.check import check
 from ankleloop.command_line.demo import demo
 from ankleloop.command_line.identify import identify
+from ankleloop.command_line.live import live
 from ankleloop.command_line.plan import plan
 from ankleloop.command_line.study import study
 from ankleloop.command_line.terminal import echo, show_correction, show_error, show_warning
@@ -31,6 +32,7 @@ Examples:
   ankleloop check S1.mat --torque-sign -1
   ankleloop identify *.mat --torque-sign -1 --output results
   ankleloop study my-study.yaml *.mat
+  ankleloop live --lsl ankleloop-demo
 
 \b
 Exit status:
@@ -55,7 +57,7 @@ def commands() -> None:
     """
 
 
-for verb in (check, identify, plan, study, demo):
+for verb in (check, identify, plan, live, study, demo):
     commands.add_command(verb)
 
 

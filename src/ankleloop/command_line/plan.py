@@ -29,7 +29,7 @@ Examples:
 """
 
 
-def _parse_widths(
+def parse_widths(
     context: click.Context, option: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, float]:
     """Half-widths as shares, by parameter."""
@@ -54,7 +54,7 @@ def _parse_widths(
     "widths",
     multiple=True,
     required=True,
-    callback=_parse_widths,
+    callback=parse_widths,
     metavar="NAME=SHARE",
     help=HELP,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import NoneType
 from typing import Any, Literal, TypeVar, get_args, get_origin
@@ -36,12 +36,16 @@ MOST_CHARACTERS = 60  # of the name of a recording that is made of the name of a
 
 
 def reading_options(command: Command) -> Command:
-    """Decorator that gives a command an option for each field of a recording, as the library declares it."""
+    """Decorator that gives a command an option for each field of a recording, and one to take no reference."""
     help_text = "Take no variable for the reference, whatever its name."
     command = click.option("--no-reference", is_flag=True, help=help_text)(command)
-    for name, field in reversed(Recording.model_fields.items()):
-        if name == "file":
-            continue
+    return add_options(command, [name for name in Recording.model_fields if name != "file"])
+
+
+def add_options(command: Command, names: Sequence[str]) -> Command:
+    """Give a command options for some fields of a recording, as the library declares them."""
+    for name in reversed(names):
+        field = Recording.model_fields[name]
         unit = Recording.unit(name)
         # What null is in YAML is to leave out an option.
         text = re.split(r"; (?:null|0)\b", str(field.description))[0]

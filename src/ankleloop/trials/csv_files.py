@@ -33,9 +33,10 @@ class CsvContents(Contents):
     A file is refused that has no names, a line with more cells than there are names, or a last line that is cut off.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, content: bytes | None = None) -> None:
         super().__init__(path)
-        content = path.read_bytes()
+        if content is None:
+            content = path.read_bytes()
         is_compressed = path.name.lower().endswith(".gz")
         self._content = gzip.decompress(content) if is_compressed else content
         self._encoding = "utf-16" if b"\0" in self._content[:4] else "utf-8-sig"

@@ -13,7 +13,7 @@ from ankleloop.signals.sampling import check_same_rate, compute_rate
 from ankleloop.trials.channels import RATE, RATE_NAMES, TIME
 from ankleloop.trials.contents import Variable
 from ankleloop.trials.files import PathLike
-from ankleloop.trials.reading_options import ReadingOptions
+from ankleloop.trials.reading_options import Reading, ReadingOptions
 from ankleloop.trials.reading_process import read_channels
 from ankleloop.trials.trial import check_sizes, new_trial
 from ankleloop.trials.units import find_factor, find_position_unit, time_factor
@@ -110,26 +110,17 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         rate=options.sampling_rate,
         time=options.time,
     )
-    position = variables["position"]
-    unit = options.position_unit or find_position_unit(position.name, position.unit)
+    options = settle_position_unit(variables, options)
+    factors = find_factors(variables, options, source=path.name)
     signals = {role: item for role, item in variables.items() if role not in (TIME, RATE)}
-    samples = {}
-    for role, variable in signals.items():
-        samples[role] = variable.read()
-        if role not in options.further:
-            is_torque = role.startswith("torque")
-            given = options.torque_unit if is_torque else unit
-            factor = find_factor(role, variable.name, variable.unit, given, source=path.name)
-            sign = options.torque_sign if is_torque else options.position_sign
-            samples[role] *= sign * factor
     trial = new_trial(
-        **samples,
-        sampling_rate=_choose_rate(variables, source=path.name),
+        **{role: factors.get(role, 1.0) * variable.read() for role, variable in signals.items()},
+        sampling_rate=choose_rate(variables, source=path.name),
         source=path.name,
         **{f"{role}_variable": signals[role].name for role in options.names if role in signals},
         **options.model_dump(include={"position_sign", "torque_sign", "case"}),
         position_unit="rad",
-        position_unit_of_file=unit or "rad",
+        position_unit_of_file=options.position_unit or "rad",
         torque_unit_of_file=options.torque_unit,
         gaps=None if TIME in variables else "unknown",
     )
@@ -138,7 +129,31 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     return trial
 
 
-def _choose_rate(variables: Mapping[str, Variable], *, source: str) -> float:
+def settle_position_unit(variables: Mapping[str, Variable], options: Reading) -> Reading:
+    """Options with the unit of the position that the file states, where they have none."""
+    position = variables["position"]
+    unit = options.position_unit or find_position_unit(position.name, position.unit)
+    return options.model_copy(update={"position_unit": unit})
+
+
+def find_factors(
+    variables: Mapping[str, Variable], options: Reading, *, source: str
+) -> dict[str, float]:
+    """Factors by which channels are in rad and N·m and have the signs of the library; another unit is refused."""
+    factors = {}
+    for role, variable in variables.items():
+        if role in (TIME, RATE, *options.further):
+            continue
+        unit = options.position_unit
+        sign = options.position_sign
+        if role.startswith("torque"):
+            unit = options.torque_unit
+            sign = options.torque_sign
+        factors[role] = sign * find_factor(role, variable.name, variable.unit, unit, source=source)
+    return factors
+
+
+def choose_rate(variables: Mapping[str, Variable], *, source: str) -> float:
     """Choose the sampling rate [Hz]: the stated one, or that of the times; both must agree."""
     stated = variables[RATE].read().item() if RATE in variables else None
     if TIME in variables:
