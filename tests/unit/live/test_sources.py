@@ -1,0 +1,141 @@
+"""Streams and tables that grow: what is read of them is what was sent."""
+
+import sys
+import time
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from ankleloop import DataError
+from ankleloop.live import sources
+from ankleloop.live.sources import SteadyClock, StreamSource, TableSource
+from ankleloop.trials.reading_options import ReadingOptions
+
+COUNT = 3000
+SAMPLES = np.arange(3 * COUNT, dtype=float).reshape(COUNT, 3)
+
+
+def join(pieces):
+    """Pieces of samples as one."""
+    pieces = list(pieces)
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+
+
+def read(source, count):
+    """The next samples of a source, at least some number of them."""
+    pieces = []
+    end = time.monotonic() + 20.0
+    for piece in source:
+        pieces.append(piece)
+        if sum(part["torque"].size for part in pieces) >= count or time.monotonic() > end:
+            return join(pieces)
+
+
+def push(outlet, samples, start, size=25):
+    """Send samples in pieces, at 1 kHz by their stamps."""
+    for first in range(0, len(samples), size):
+        piece = samples[first : first + size]
+        outlet.push_chunk(piece, start + (first + len(piece) - 1) / 1000.0)
+
+
+def test_a_stream_that_ends_and_begins_again_loses_nothing(lsl, new_outlet):
+    outlet = new_outlet("again")
+    source = StreamSource("again", ReadingOptions(torque="1", reference="command"))
+    pieces = iter(source)
+    next(pieces)  # which opens the stream
+    push(outlet, SAMPLES[:1000], lsl.local_clock())
+    first = read(pieces, 1000)
+    del outlet
+    outlet = new_outlet("again")
+    while not outlet.wait_for_consumers(0.1):
+        next(pieces)
+    push(outlet, SAMPLES[1000:], lsl.local_clock())
+    samples = join([first, read(pieces, 2000)])
+    assert source.rate == 1000.0
+    np.testing.assert_allclose(samples["position"], np.radians(SAMPLES[:, 0]))
+    np.testing.assert_allclose(samples["torque"], SAMPLES[:, 1])
+    np.testing.assert_allclose(samples["reference"], np.radians(SAMPLES[:, 2]))
+    steps = np.diff(samples["time"])
+    assert np.flatnonzero(steps > 1.5e-3).tolist() == [999]  # the time between is a gap
+
+
+def test_a_stream_without_identity_ends(new_outlet):
+    outlet = new_outlet("nobody", source_id="")
+    pieces = iter(StreamSource("nobody", ReadingOptions()))
+    next(pieces)
+    del outlet
+    assert len(list(islice(pieces, 100))) < 100  # of a tenth of a second
+
+
+@pytest.mark.parametrize(
+    ("mapping", "fault"),
+    [
+        ({"torque": "fz"}, "stream 'plate' has one: let one program send all channels"),
+        ({"torque": "moment"}, "no channel 'moment'; the stream has: angle, torque, command"),
+        ({"reference": "none"}, "name the command of the servo"),
+        ({"torque_unit": "mN·m"}, "torque is in 'N.m'"),
+    ],
+)
+def test_channels_that_do_not_fit_are_refused(new_outlet, mapping, fault):
+    outlets = [new_outlet("refused"), new_outlet("plate", ["fz"], ["N"])]
+    with pytest.raises(DataError, match=fault):
+        StreamSource("refused", ReadingOptions(**mapping))
+    del outlets
+
+
+def test_a_name_that_no_stream_or_several_have_is_refused(new_outlet, monkeypatch):
+    monkeypatch.setattr(sources, "SEARCHES", 1)
+    outlets = [new_outlet("twin"), new_outlet("twin", source_id="other")]
+    with pytest.raises(DataError, match="2 streams are called 'twin'"):
+        StreamSource("twin", ReadingOptions())
+    with pytest.raises(DataError, match=r"0 streams are called 'nowhere'.*twin"):
+        StreamSource("nowhere", ReadingOptions())
+    del outlets
+
+
+def test_without_the_library_the_package_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pylsl", None)
+    with pytest.raises(DataError, match=r"pip install pylsl.*glibc 2\.35"):
+        StreamSource("any", ReadingOptions())
+
+
+def test_stamps_that_jitter_give_times_with_the_gaps_alone():
+    rng = np.random.default_rng(1)
+    sent = np.delete(np.arange(60_000) * 1.001e-3, slice(30_000, 30_500))  # of a clock that drifts
+    clock = SteadyClock(1000.0)
+    pieces = np.split(sent, range(30, sent.size, 30))
+    times = np.concatenate([clock.smooth(piece + 0.016 * rng.integers(2)) for piece in pieces])
+    assert times[-1] == pytest.approx(sent[-1], abs=0.01)
+    steps = np.diff(times[2000:])  # the first ones show how large the jitter is
+    assert np.flatnonzero(steps > 1.5e-3).tolist() == [27_999]
+    assert steps.max() == pytest.approx(0.5, abs=0.04)
+
+
+def list_rows(start, stop):
+    """Lines of a table, with decimal commas."""
+    return [
+        f"{row / 100:.2f};{row},5;{2 * row},0;{row},0\n".replace(".", ",")
+        for row in range(start, stop)
+    ]
+
+
+def test_a_table_is_followed_while_it_grows_also_within_a_line(tmp_path):
+    path = tmp_path / "growing.csv"
+    with open(path, "w") as file:
+        file.writelines(
+            ["Zeit (s);Winkel (deg);Moment (N.m);Soll\n", *list_rows(0, 150), "1,50;15"]
+        )
+        file.flush()
+        source = TableSource(path, ReadingOptions(position="Winkel (deg)", reference="Soll"))
+        pieces = iter(source)
+        first = join(islice(pieces, 150))
+        assert next(pieces)["torque"].size == 0
+        file.writelines(["0,5;broken;0\n", *list_rows(151, 200)])
+        file.flush()
+        samples = join([first, read(pieces, 50)])
+    rows = np.arange(200.0)
+    assert source.rate == 100.0
+    np.testing.assert_allclose(samples["torque"], np.where(rows == 150, np.nan, 2.0 * rows))
+    np.testing.assert_allclose(samples["position"], np.radians(rows + 0.5))
+    np.testing.assert_allclose(samples["time"], rows / 100.0)
