@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import CHANNELS, TIME, read_channels
+from ankleloop.trials.channels import TIME, read_channels
 from ankleloop.trials.contents import Contents, Variable
 from ankleloop.trials.csv_files import CsvContents
 from ankleloop.trials.readers import choose_rate, find_factors, settle_position_unit
