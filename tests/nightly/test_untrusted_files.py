@@ -18,9 +18,7 @@ def test_a_bomb_of_gzip_is_refused(tmp_path):
         file.write(b"time,position,torque\n")
         for _ in range(50):
             file.write(b"0,0,0\n" * 500_000)
-    with pytest.raises(
-        DataError, match=r"a.csv.gz: (the table has [\d,]+ samples .* at most|.*stopped after 10 s)"
-    ):
+    with pytest.raises(DataError, match=r"a.csv.gz: .*(it needs more than|stopped after 10 s)"):
         read_trial(tmp_path / "a.csv.gz")
 
 

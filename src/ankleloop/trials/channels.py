@@ -75,8 +75,8 @@ def _list_own(contents: Contents, position: str) -> list[str]:
     if "*" not in position:
         names = [variable.name for variable in contents.variables]
     positions = [name for name in names if _channel_of(name) == "position"]
-    others = {contents.prefixes(name)[1] for name in positions} - {*contents.prefixes(position)}
-    return [name for name in names if contents.prefixes(name)[1] not in others]
+    others = {contents.group_of(name) for name in positions} - {*contents.prefixes(position)}
+    return [name for name in names if contents.group_of(name) not in others]
 
 
 def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str | None:
@@ -157,7 +157,7 @@ def read_channels(
     names = find_names(contents, variables)
     selected = {role: contents.require(name) for role, name in names.items()}
     _check_channels(contents, selected)
-    group = contents.prefixes(selected["torque"].name)[1]
+    group = contents.group_of(selected["torque"].name)
     for role in TRUE_TORQUES:
         variable = contents.find(f"{group}{role}")
         if variable is not None:
@@ -193,7 +193,7 @@ def _check_channels(contents: Contents, channels: Mapping[str, Variable]) -> Non
 
 def _describe(contents: Contents, variable: Variable) -> Variable:
     """A variable with its unit and its scale, where they stand beside it: in its struct, or as its name with a word."""
-    prefix = contents.prefixes(variable.name)[1]
+    prefix = contents.group_of(variable.name)
     is_plain = variable.name.removeprefix(prefix).lower() in PLAIN_NAMES
     start = prefix if is_plain else f"{variable.name}_"
     attributes = dict(variable.attributes)
@@ -213,7 +213,7 @@ def _find_times(contents: Contents, position: str, taken: Sequence[str]) -> str 
         for variable in filter(None, map(contents.find, names)):
             name = variable.name
             says_time = is_time(name.removeprefix(prefix)) or is_time(variable.unit)
-            if says_time and contents.prefixes(name)[1] == prefix:
+            if says_time and contents.group_of(name) == prefix:
                 return name
     return None
 

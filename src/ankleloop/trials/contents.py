@@ -163,6 +163,10 @@ class Contents:
         ends = [match.end() for match in re.finditer(r"[/.\[]", name)]
         return [f"{name}/", *(name[:end] for end in reversed(ends)), ""]
 
+    def group_of(self, name: str) -> str:
+        """Start of the name of a variable: its struct or group with the sign behind it; empty for the file."""
+        return self.prefixes(name)[1]
+
     def attributes(self, owner: str) -> Mapping[str, Any]:
         """Attributes of a variable, a group, or of the file, whose name is empty."""
         variable = self.open(owner)
