@@ -306,7 +306,7 @@ def _take_differences(trial: PreparedTrial, grid: Grid) -> tuple[np.ndarray, ...
     """
     first = grid.first - 2 * grid.factor
     position = decimate(trial.samples["position"], grid.factor, first, grid.samples + 4)
-    span = 2 * grid.factor / trial.rate  # s, from the sample before to the one after
-    velocity = (position[2:] - position[:-2]) / span
-    acceleration = (velocity[2:] - velocity[:-2]) / span
-    return position[2:-2], velocity[1:-1], acceleration
+    interval = grid.factor / trial.rate
+    velocity = np.gradient(position, interval)
+    acceleration = np.gradient(velocity, interval)
+    return position[2:-2], velocity[2:-2], acceleration[2:-2]

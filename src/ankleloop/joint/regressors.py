@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from math import ceil
 from typing import Literal, NamedTuple
 
@@ -133,11 +132,7 @@ def split_torques(torque: xr.Dataset) -> list[xr.Dataset]:
     """Torques of each trial."""
     if "trial" not in torque.coords:
         return [torque]
-    numbers = torque["trial"].values
-    edges = np.flatnonzero(np.diff(numbers, prepend=0, append=0))
-    return [
-        torque.isel(time=slice(start, stop)).drop_vars("trial") for start, stop in pairwise(edges)
-    ]
+    return [part.drop_vars("trial") for _, part in torque.groupby("trial")]
 
 
 def torque_variable(name: str, values: np.ndarray) -> xr.Variable:

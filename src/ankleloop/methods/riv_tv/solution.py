@@ -98,9 +98,9 @@ class TimeVaryingSolution:
     def strength(self) -> float:
         """Smallest canonical correlation of instruments and regressors."""
         size = self.equations.bases.size
-        instruments = np.linalg.qr(self.system.instruments[:size].T)[0]
-        regressors = np.linalg.qr(self.system.regressors[:size].T)[0]
-        return float(np.linalg.svd(instruments.T @ regressors, compute_uv=False)[-1])
+        instruments = self.system.instruments[:size]
+        regressors = self.system.regressors[:size]
+        return float(np.cos(linalg.subspace_angles(instruments.T, regressors.T)[0]))
 
     @property
     def weakness_f(self) -> float:
@@ -183,8 +183,7 @@ class TimeVaryingSolution:
             for name, splines in self.equations.bases.splines.items()
         ]
         constant = linalg.block_diag(*blocks, np.eye(len(self.parameters.unknowns)))
-        directions = np.linalg.qr(constant, mode="complete")[0]
-        contrasts = directions[:, constant.shape[1] :].T
+        contrasts = linalg.null_space(constant.T).T
         normal = self.system.normal @ constant
         solution = solve_scaled(constant.T @ normal, constant.T)
         rows = contrasts - contrasts @ normal @ solution
