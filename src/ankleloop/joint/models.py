@@ -64,11 +64,11 @@ class ModelInputs:
     omitted_step: Annotated[InputStep | None, Stored()] = None
 
     @classmethod
-    def of(cls, regressors: Regressors, delay: float | None = None) -> ModelInputs:
+    def of(cls, regressors: Regressors) -> ModelInputs:
         """Those of regressors."""
         return cls(
             basis=replace(regressors.basis, quantiles=np.empty(0)),
-            delay=regressors.delay if delay is None else float(delay),
+            delay=regressors.delay,
             identification_rate=regressors.rate,
             recording_rate=regressors.grid.factor * regressors.rate,
             omitted_step=regressors.omitted_step,
@@ -196,7 +196,7 @@ class PhysicalModel(JointModel):
         matrices = self.dynamics.matrices(trial.rate)
         recorded = simulate_response(*matrices, drive[:, None])[:, 0]
         reflex = decimate(recorded, *regressors.grid)
-        return torque_dataset(regressors.time, regressors.rate, **sum_paths(intrinsic, reflex))
+        return sum_paths(regressors.time, regressors.rate, intrinsic, reflex)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,8 +236,7 @@ class ResponseModel(JointModel):
         drive = regressors.inputs[:, -1]
         intrinsic = np.convolve(position - position.mean(), self.intrinsic)[leads:][rows]
         reflex = np.convolve(drive - drive.mean(), self.reflex)[rows]
-        time = regressors.time[rows]
-        return torque_dataset(time, regressors.rate, **sum_paths(intrinsic, reflex))
+        return sum_paths(regressors.time[rows], regressors.rate, intrinsic, reflex)
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,7 +322,7 @@ class TimeVaryingModel(JointModel):
         spectra = lag * rfft([intrinsic, drive], size)
         spectra[1] *= self.dynamics.response(s)[0]
         torques = irfft(spectra, size)[:, : grid.samples]
-        return torque_dataset(trial.grid_times(grid), rate, **sum_paths(*torques))
+        return sum_paths(trial.grid_times(grid), rate, *torques)
 
     def check_range(self, trial: PreparedTrial) -> list[str]:
         """Warning about values of the scheduling variable, or times, for which the splines were not fitted."""
@@ -395,7 +394,7 @@ def simulate_torques(
         raise DataError(
             "the estimated torques are not finite: the model does not suit the record; lower its order."
         )
-    return torque_dataset(regressors.time, regressors.rate, **sum_paths(intrinsic, reflex))
+    return sum_paths(regressors.time, regressors.rate, intrinsic, reflex)
 
 
 def _simulate_columns(
@@ -407,11 +406,13 @@ def _simulate_columns(
     return simulate_response(model.A, B, model.C, D, signals, state)[:, 0]
 
 
-def sum_paths(intrinsic: np.ndarray, reflex: np.ndarray) -> dict[str, np.ndarray]:
-    """Torques of both paths less their means, and their sum.
+def sum_paths(
+    time: np.ndarray, rate: float, intrinsic: np.ndarray, reflex: np.ndarray
+) -> xr.Dataset:
+    """Torques of both paths less their means, and their sum, over time.
 
     Shapes: (N,).
     """
     intrinsic = intrinsic - intrinsic.mean()
     reflex = reflex - reflex.mean()
-    return {"net": intrinsic + reflex, "intrinsic": intrinsic, "reflex": reflex}
+    return torque_dataset(time, rate, net=intrinsic + reflex, intrinsic=intrinsic, reflex=reflex)

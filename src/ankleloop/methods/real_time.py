@@ -8,7 +8,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.models import sum_paths
 from ankleloop.joint.prepared import PreparedTrial
-from ankleloop.joint.regressors import MOTION, torque_dataset
+from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.method import (
     KnownDelayOptions,
     Method,
@@ -118,11 +118,10 @@ def identify_real_time(trial: PreparedTrial, options: RealTimeOptions) -> Estima
     means = {name: float(trace[counts].mean()) for name, trace in traces.items()}
     diagnostics = {"settling": settling, "trace_time": time}
     diagnostics |= {f"trace_{name}": trace for name, trace in traces.items()}
-    torques = sum_paths(intrinsic, reflex)
     gain = means.pop("G")
     return Estimate(
         method="real-time",
-        torque=torque_dataset(regressors.time, rate, **torques),
+        torque=sum_paths(regressors.time, rate, intrinsic, reflex),
         stiffness=means,
         reflex={"delay": options.delay, "G": gain},
         diagnostics=diagnostics,

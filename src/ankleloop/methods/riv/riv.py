@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from math import inf
 from typing import Literal
@@ -200,7 +201,7 @@ def _estimate(
         uncertainty = _quantify(solution, kind, constancy)
         find_lags = partial(measure_lags, solution)
         warnings += describe_changes(constancy, solution.values, find_lags)
-    inputs = ModelInputs.of(equations.records[0], reflex["delay"])
+    inputs = replace(ModelInputs.of(equations.records[0]), delay=reflex["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]
     model = PhysicalModel(

@@ -31,11 +31,8 @@ class CycleMean:
     def of(cls, course: Course) -> Self:
         """That of a record; cycles go on before and after those that count."""
         length = course.equal_cycles
-        since = []
-        for part in course.parts:
-            first = part.row_numbers[0]
-            since.append((np.arange(part.place.size) - first) % length)
-        return cls(course.rows, length, np.concatenate(since))
+        since = [np.arange(part.place.size) - part.row_numbers[0] for part in course.parts]
+        return cls(course.rows, length, np.concatenate(since) % length)
 
     def deviation(self, signals: np.ndarray) -> np.ndarray:
         """All samples of signals less their mean over the cycles, shape (..., N)."""
