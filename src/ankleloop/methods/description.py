@@ -39,13 +39,13 @@ def describe_methods(estimate: Estimate) -> str:
     """A paragraph that says how an estimate was made."""
     diagnostics = estimate.diagnostics
     name, source = SOURCES.get(estimate.method, (estimate.method, "its own package"))
-    parts = split_torques(estimate.torque)
-    duration = sum(part.sizes["time"] for part in parts) / parts[0].attrs["identification_rate"]
-    records = f"{len(parts)} merged trials" if len(parts) > 1 else "one trial"
+    rate = estimate.torque.attrs["identification_rate"]
+    trials = len(split_torques(estimate.torque))
+    records = f"{trials} merged trials" if trials > 1 else "one trial"
     delay = "estimated" if "delay" in estimate.intervals else "assumed"
     sentences = [
-        f"Intrinsic and reflex stiffness were estimated by {name} ({source}) from {records}, {duration:.0f} s "
-        f"after filters, at {parts[0].attrs['identification_rate']:g} Hz.",
+        f"Intrinsic and reflex stiffness were estimated by {name} ({source}) from {records}, "
+        f"{estimate.torque.sizes['time'] / rate:.0f} s after filters, at {rate:g} Hz.",
         f"The reflex delay was {delay} ({1000 * estimate.reflex['delay']:.0f} ms).",
     ]
     if "reference" in diagnostics:

@@ -143,7 +143,26 @@ def identify_moesp(
     regressors = _make_regressors(trials, options, reference)
     model = _fit_model(trials, regressors, options, member)
     path = separate_reflex(model, regressors)
-    return _describe_model(member, options, model, path, regressors)
+    inputs = ModelInputs.of(regressors[0])
+    matrices = inputs.label(model.matrices)
+    states = _find_states(model, regressors, options)
+    torques = [
+        simulate_torques(model.matrices, state, part)
+        for part, state in zip(regressors, states, strict=True)
+    ]
+    values = matrices.D[0, :MOTION]  # they act at once
+    if options.free_b:
+        pairs = zip(regressors, torques, strict=True)
+        fits = [part.fit_stiffness(torque["intrinsic"].values) for part, torque in pairs]
+        values = np.mean([[*fit.values()] for fit in fits], axis=0)
+    return Estimate(
+        method=member,
+        torque=merge_torques(torques),
+        stiffness=dict(zip(STIFFNESS, values.tolist(), strict=True)),
+        reflex={"delay": inputs.delay, **path.valid_parameters},
+        diagnostics=_describe_fit(options, model, path, reference),
+        predictor=StateSpaceModel(inputs, matrices, states[0]),
+    )
 
 
 def _make_regressors(
@@ -204,36 +223,6 @@ def separate_reflex(model: SubspaceEstimate, regressors: Sequence[Regressors]) -
     response = model.matrices.frequency_response(np.exp(spectra.s / first.rate))
     order = 3 if len(model.matrices.A) == 3 else 2
     return separate_path(response[:, first.reflex], spectra, first.basis, order)
-
-
-def _describe_model(
-    member: str,
-    options: MoespOptions,
-    model: SubspaceEstimate,
-    path: ReflexPath,
-    regressors: Sequence[Regressors],
-) -> Estimate:
-    """Estimate of a model, with K, B and I, through which position, velocity and acceleration act at once (Eq. 11)."""
-    inputs = ModelInputs.of(regressors[0])
-    matrices = inputs.label(model.matrices)
-    states = _find_states(model, regressors, options)
-    torques = [
-        simulate_torques(model.matrices, state, part)
-        for part, state in zip(regressors, states, strict=True)
-    ]
-    values = matrices.D[0, :MOTION]
-    if options.free_b:
-        pairs = zip(regressors, torques, strict=True)
-        fits = [part.fit_stiffness(torque["intrinsic"].values) for part, torque in pairs]
-        values = np.mean([[*fit.values()] for fit in fits], axis=0)
-    return Estimate(
-        method=member,
-        torque=merge_torques(torques),
-        stiffness=dict(zip(STIFFNESS, values.tolist(), strict=True)),
-        reflex={"delay": inputs.delay, **path.valid_parameters},
-        diagnostics=_describe_fit(options, model, path, regressors[0].reference_name),
-        predictor=StateSpaceModel(inputs, matrices, states[0]),
-    )
 
 
 def _find_states(
