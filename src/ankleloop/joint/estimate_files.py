@@ -261,15 +261,17 @@ def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int
         with name_errors(path, "estimate file", "delete it and run again"):
             table = parquet.read_table(path, filters=filters, page_checksum_verification=True)
             for row in table.to_pylist():
-                estimates[row["number"]] = _read_row(row, f"{path}, row {row['number']}")
+                number = row["number"]
+                groups = {
+                    "": row,
+                    "torque": row,
+                    "diagnostics": {DIAGNOSTICS_TEXT: row["diagnostics"]},
+                    **load_values(row["groups"]),
+                }
+                source = f"{path}, row {number}"
+                fields = {name: Fields(source, values) for name, values in groups.items()}
+                estimates[number] = _read_estimate(fields)
     return dict(sorted(estimates.items()))
-
-
-def _read_row(row: dict[str, Any], source: str) -> Estimate:
-    """The estimate of a row of a table."""
-    diagnostics = {DIAGNOSTICS_TEXT: row["diagnostics"]}
-    groups = {"": row, "torque": row, "diagnostics": diagnostics, **load_values(row["groups"])}
-    return _read_estimate({group: Fields(source, values) for group, values in groups.items()})
 
 
 def dump_values(values: Any) -> str:

@@ -41,7 +41,6 @@ from ankleloop.methods.riv.equations import (
     NO_REFLEX,
     SHOWN_REFLEX,
     Equations,
-    Point,
 )
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import option
@@ -193,12 +192,17 @@ def _estimate(
         for name in parameters.dynamics.values:
             del reflex[name]
         missing = [NO_REFLEX]
+    incomplete = []
+    if point.movement_p < INCOMPLETE:
+        incomplete = [
+            "a part of the torque depends on the movement in a way that the model does not have: "
+            f"{100 * point.movement_share:.2g} % of what it leaves unexplained."
+        ]
     kind = None
     uncertainty = Uncertainty()
     warnings = _warnings(solution)
     if constancy is not None:
-        kind = options.intervals or _choose_intervals(point, constancy)
-        uncertainty = _quantify(solution, kind, constancy)
+        kind, uncertainty = _quantify(solution, options.intervals, constancy)
         find_lags = partial(measure_lags, solution)
         warnings += describe_changes(constancy, solution.values, find_lags)
     inputs = replace(ModelInputs.of(equations.records[0]), delay=reflex["delay"])
@@ -231,32 +235,19 @@ def _estimate(
             "nonlinearity": point.reflex_path.curve(),
             "assumptions": assumptions,
             "missing": missing,
-            "incomplete": _describe_incomplete(point),
+            "incomplete": incomplete,
             "warnings": warnings,
         },
         predictor=model,
     )
 
 
-def _describe_incomplete(point: Point) -> list[str]:
-    """What a residual says that depends on the movement."""
-    if point.movement_p >= INCOMPLETE:
-        return []
-    return [
-        "a part of the torque depends on the movement in a way that the model does not have: "
-        f"{100 * point.movement_share:.2g} % of what it leaves unexplained."
-    ]
-
-
-def _choose_intervals(point: Point, constancy: Constancy) -> str:
-    """Kind of the intervals that the record asks for."""
-    if constancy.differs:
-        return "between trials"
-    return "robust" if point.movement_p < INCOMPLETE else "asymptotic"
-
-
-def _quantify(solution: Search, kind: str, constancy: Constancy) -> Uncertainty:
-    """How uncertain the parameters are, for intervals of one kind."""
+def _quantify(solution: Search, kind: str | None, constancy: Constancy) -> tuple[str, Uncertainty]:
+    """Kind of the intervals, by default the one that the record asks for; and how uncertain the parameters are."""
+    if kind is None:
+        kind = "robust" if solution.point.movement_p < INCOMPLETE else "asymptotic"
+        if constancy.differs:
+            kind = "between trials"
     covariance = solution.covariance
     freedom = inf
     if kind == "between trials":
@@ -264,7 +255,7 @@ def _quantify(solution: Search, kind: str, constancy: Constancy) -> Uncertainty:
         freedom = constancy.shares.size - 1
     elif kind == "robust":
         covariance, freedom = robust_covariance(solution.point, solution.free)
-    return Uncertainty.of(solution.point.values, solution.rows, covariance, freedom)
+    return kind, Uncertainty.of(solution.point.values, solution.rows, covariance, freedom)
 
 
 def _warnings(solution: Search) -> list[str]:

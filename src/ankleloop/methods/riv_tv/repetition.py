@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -53,11 +52,6 @@ class SmoothPart:
     fit: np.ndarray  # shape (rows, directions): the matrix that fits them to the samples that count
     transform: PaddedTransform
 
-    @cached_property
-    def _spectra(self) -> np.ndarray:
-        """Transforms of the directions."""
-        return self.transform.spectra(self.directions)
-
     @classmethod
     def of(cls, course: Course, transform: PaddedTransform) -> Self:
         """That of a record."""
@@ -80,7 +74,7 @@ class SmoothPart:
 
     def weighted(self, weighting: Weighting) -> SmoothPart:
         """What changes slowly of weighted signals, which are of the samples that count alone."""
-        slow = weighting(self._spectra)
+        slow = weighting(self.transform.spectra(self.directions))
         values, vectors = np.linalg.eigh(slow @ slow.T)
         independent = values > DEPENDENT_DIRECTIONS * values[-1]
         orthonormal = vectors[:, independent] / np.sqrt(values[independent])
