@@ -333,10 +333,9 @@ check_flag = partial(check_argument, bool)
 
 
 @cache
-def _make_model(kind: Any, name: str, unit: str, limits: tuple[tuple[str, float], ...]) -> Any:
+def _make_model(kind: Any, name: str, unit: str, limits: tuple[tuple[str, Any], ...]) -> Any:
     """Options of one argument, which take as long to make as to use a hundred times."""
-    constraints: dict[str, Any] = dict(limits)
-    fields: dict[str, Any] = {name: (kind, option(unit=unit, **constraints))}
+    fields: Any = {name: (kind, option(unit=unit, **dict(limits)))}
     return create_model("Argument", __base__=Options, **fields)
 
 
