@@ -13,12 +13,10 @@ from ankleloop.checks.movement import check_reference
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
 from ankleloop.joint.regressors import Grid, Regressors
+from ankleloop.signals.decimation import usual_rate
 from ankleloop.signals.least_squares import unexplained_share
 from ankleloop.signals.responses import lag_matrix
 
-EXCHANGE_RATE = (
-    100.0  # Hz, about: at it an actuator of 5 … 60 Hz makes the position late enough to be seen
-)
 CHANCE_DEVIATIONS = 2.0  # of the correlation of unrelated signals
 COMMAND_LEADS, COMMAND_LAGS = 0.05, 0.4  # s, of a command that may explain the velocity
 # Of what the lags of a command leave: leads explain less of it, those of a channel that follows explain more.
@@ -43,8 +41,8 @@ def find_reference_fault(
     if name == "position" or name not in trial.trial:
         return None  # without the variable the method says so itself
     try:
-        factor = max(1, round(trial.rate / EXCHANGE_RATE))
-        grid = trial.grid(trial.rate / factor, delay)
+        # At about 100 Hz an actuator of 5 … 60 Hz makes the position late enough to be seen.
+        grid = trial.grid(usual_rate(trial.rate), delay)
     except DataError:  # of a very short trial the method says so itself
         return None
     exchange = find_exchange(trial, name, grid)
