@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, product
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -27,7 +27,7 @@ from ankleloop.plotting.panels import (
     panel_grid,
 )
 from ankleloop.plotting.style import REFERENCE_LINE, STYLE, DataFigure
-from ankleloop.quantities import point_column
+from ankleloop.quantities import Goal, point_column
 
 MOST_BINS = 10  # of a parameter with more values than are shown one by one
 LEAST_DECADE = 5.0  # largest over smallest value, from which on an axis may be logarithmic
@@ -141,7 +141,7 @@ class SweepPanel:
     quantity: str  # panels of a quantity and of its difference stand side by side
     label: str  # its name with unit, the column `panel` of a table
     # What a method should reach; "zero" for a difference.
-    desired: Literal["high", "zero", "low"] | None = None
+    desired: Goal = None
     truth: float | None = None  # true value, where all points have the same
 
     @property
