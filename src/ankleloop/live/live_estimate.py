@@ -26,10 +26,22 @@ from ankleloop.trials.trial import check_sizes, new_trial
 
 OWNER = "LiveEstimate"
 COLUMNS = [
-    *("time", "window"),
-    *("K", "K_low", "K_high", "B", "B_low", "B_high"),
-    *("I", "I_low", "I_high", "G", "G_low", "G_high"),
-    *("warnings", "failure"),
+    "time",
+    "window",
+    "K",
+    "K_low",
+    "K_high",
+    "B",
+    "B_low",
+    "B_high",
+    "I",
+    "I_low",
+    "I_high",
+    "G",
+    "G_low",
+    "G_high",
+    "warnings",
+    "failure",
 ]
 LONGEST_HISTORY = 3600.0  # s
 
@@ -98,9 +110,7 @@ class LiveEstimate:
         self._every = check_number(OWNER, "every", every, "s", ge=0.1, le=COMPARED)
         find_method("riv").options.parse("method 'riv'", **options)
         self._options = options
-        self._channels = ["position", "torque"]
-        if options.get("reference") != "position":
-            self._channels.append("reference")
+        self._open_loop = options.get("reference") == "position"
         self.estimate: Estimate | None = None
         self.latency = np.nan
         self._stream = Stream(self._rate, self._memory)
@@ -141,9 +151,11 @@ class LiveEstimate:
             count = np.size(position)
             time = np.arange(self._counted, self._counted + count) / self._rate
             self._counted += count
-        given: dict[str, Any] = {"position": position, "torque": torque, "reference": reference}
-        channels = {name: as_real(given[name], name).ravel() for name in self._channels}
-        channels["time"] = as_real(time, "time").ravel()
+        given: dict[str, Any] = {"position": position, "torque": torque}
+        if not self._open_loop:
+            given["reference"] = reference
+        given["time"] = time
+        channels = {name: as_real(values, name).ravel() for name, values in given.items()}
         check_sizes({name: values.size for name, values in channels.items()}, source=OWNER)
         samples = np.stack(list(channels.values()))
         while samples.size:
