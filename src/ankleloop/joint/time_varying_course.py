@@ -214,14 +214,14 @@ def _follow_variable(
     values = [course_values(trial, grid, schedule) for trial, grid in pairs]
     rate = trials[0].rate / grids[0].factor
     rows = [_count_segments(part.size, rate, merged=len(trials) > 1) for part in values]
-    limits = []
+    limits: list[float] = []
     for (trial, grid), part, (samples, _) in zip(pairs, values, rows, strict=True):
         if schedule is None:
-            limits.append((part[samples][0], part[samples][-1]))
+            limits += part[samples][[0, -1]].tolist()
         else:
-            limits.append(_schedule_limits(trial, grid, schedule, samples))
-    low = float(np.min(limits))
-    high = float(np.max(limits))
+            limits += _schedule_limits(trial, grid, schedule, samples)
+    low = min(limits)
+    high = max(limits)
     courses = []
     for part, (samples, segment) in zip(values, rows, strict=True):
         courses.append(
