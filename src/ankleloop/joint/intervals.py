@@ -8,7 +8,6 @@ from math import exp, inf, sqrt
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from scipy import special
 
 LOGARITHMIC = ("omega_n", "zeta", "pole")  # parameters whose logarithms are normally distributed
@@ -37,8 +36,12 @@ class Uncertainty:
         names = [name for name in values if name in rows]
         scales = [values[name] if name in LOGARITHMIC else 1.0 for name in names]
         slopes = np.array([scale * rows[name] for scale, name in zip(scales, names, strict=True)])
-        table = pd.DataFrame(slopes @ covariance @ slopes.T, names, names)
-        return cls(table.to_dict("index"), float(freedom))
+        products = (slopes @ covariance @ slopes.T).tolist()
+        table = {
+            name: dict(zip(names, row, strict=True))
+            for name, row in zip(names, products, strict=True)
+        }
+        return cls(table, float(freedom))
 
     @property
     def standard_errors(self) -> dict[str, float]:

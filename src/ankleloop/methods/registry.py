@@ -147,7 +147,6 @@ def identify(
     >>> sorted(estimate.stiffness)
     ['B', 'I', 'K']
     """
-    is_list = isinstance(trial, (list, tuple))
     if method is None and any("reference" not in part.trial for part in prepare_trials(trial)):
         raise DataError(_describe_no_default())
     entry = find_method(DEFAULT if method is None else method)
@@ -155,7 +154,7 @@ def identify(
         return entry(trial, **options)
     owner = f"method {entry.name!r}"
     candidates = check_selection(owner, entry.options, options, select, criterion)
-    if is_list:
+    if isinstance(trial, (list, tuple)):
         raise DataError(
             "options are selected on one trial at a time: set them for trials that are merged."
         )

@@ -78,7 +78,7 @@ class Parameters:
         if "delay" not in self.delays:
             return self
         low, high = DELAY_LIMITS
-        return replace(self, shift=float(np.clip(self.shift, low - delay, high - delay)))
+        return replace(self, shift=min(max(self.shift, low - delay), high - delay))
 
     def responses(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Response of the reflex with its shift of the delay, and its derivatives with respect to its unknowns."""
