@@ -25,12 +25,11 @@ from scipy import linalg
 from scipy.fft import irfft, rfft
 
 from ankleloop.errors import DataError
-from ankleloop.signals.decimation import PASSBAND, convolve, decimate, decimation_taps
+from ankleloop.signals.decimation import PASSBAND, USUAL_RATE, convolve, decimate, decimation_taps
 from ankleloop.signals.spectra import smooth
 
 RESPONSE_LEADS = 0.15  # s
 RESPONSE_LAGS = 0.80  # s
-SAMPLE_LEADS, SAMPLE_LAGS = 15, 80  # samples, of data whose rate does not matter
 ROWS_PER_TAP = 4  # at least
 UNEXCITED = 1e-6  # of the largest eigenvalue of the source's covariance: beyond the pass band there is nothing
 SOURCE_RIDGE = 1e-3  # of the power of the source: it settles what lies beyond the pass band
@@ -128,11 +127,10 @@ def predict_from_reference(
     Shapes: signals (N, m), references (N, q); returns (N, m).
     """
     channels = references[0].shape[1]
-    reach = SAMPLE_LEADS, SAMPLE_LAGS
-    taps, _ = _fit_response(_lag_records(references, signals, *reach, channels))
-    padding = ((SAMPLE_LAGS, SAMPLE_LEADS), (0, 0))
-    padded = [np.pad(_centre(reference), padding) for reference in references]
-    return [lag_matrix(reference, *reach) @ taps for reference in padded]
+    leads, lags = _usual_reach(USUAL_RATE)  # in samples, since the rate does not matter
+    taps, _ = _fit_response(_lag_records(references, signals, leads, lags, channels))
+    padded = [np.pad(_centre(reference), ((lags, leads), (0, 0))) for reference in references]
+    return [lag_matrix(reference, leads, lags) @ taps for reference in padded]
 
 
 def fit_finite_response(
