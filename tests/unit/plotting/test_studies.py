@@ -60,39 +60,21 @@ def test_a_band_ends_where_a_single_trial_is_left(results):
         assert max(path.vertices[:, 0].max() for path in band.get_paths()) == 2.0
 
 
-def rings(axis):
-    """Places of the symbols with a ring."""
-    lines = [line for line in axis.get_lines() if line.get_label() == "with failures or warnings"]
-    return sorted(
-        (float(x), float(y))
-        for line in lines
-        for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
+def test_means_with_faults_have_a_ring_and_those_without_a_trial_a_cross():
+    table = pd.DataFrame(
+        {
+            "panel": "K",
+            "series": "PR-MOESP",
+            "x": [1.0, 2.0, 4.0],
+            "value": [10.0, 20.0, np.nan],
+            "marked": [False, True, False],
+            "failed": [False, False, True],
+        }
     )
-
-
-def test_rings_mark_means_with_failures_or_warnings(results):
-    rows = results[(results["panel"] == "K") & (results["series"] == "PR-MOESP")].assign(
-        failure=None, warnings=None
-    )
-    panels = {"K": Panel("K [N·m/rad]")}
-    assert not rings(curves_figure(average(rows), panels, xlabel="gain [1]").axes[0])
-    first = rows.index[rows["x"] == 1.0][0]
-    second = rows.index[rows["x"] == 2.0][0]
-    rows.loc[first, "warnings"] = "unstable"
-    rows.loc[second, ["failure", "value"]] = ["no pole", np.nan]
-    rows.loc[rows["x"] == 4.0, ["failure", "value"]] = ["no pole", np.nan]
-    figure = curves_figure(
-        average(rows), {"K": Panel("K [N·m/rad]", limits=(0.0, 100.0))}, xlabel="gain [1]"
-    )
-    means = rows.groupby("x")["value"].mean()
-    assert rings(figure.axes[0]) == [
-        (1.0, pytest.approx(means[1.0])),
-        (2.0, pytest.approx(means[2.0])),
-    ]
-    crosses = [
-        line for line in figure.axes[0].get_lines() if line.get_label() == "every trial failed"
-    ]
-    assert [line.get_xdata().tolist() for line in crosses] == [[4.0]]
+    figure = curves_figure(table, {"K": Panel("K [N·m/rad]")}, xlabel="gain [1]")
+    places = {line.get_label(): line.get_xdata().tolist() for line in figure.axes[0].get_lines()}
+    assert places["with failures or warnings"] == [2.0]
+    assert places["every trial failed"] == [4.0]
 
 
 def test_estimates_have_a_row_for_each_condition_and_arrow_heads_beyond_the_limits():
