@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import cache, partial
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin
+from typing import Any, Literal, Self, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -94,15 +94,9 @@ class Options(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-    integers: ClassVar[frozenset[str]] = frozenset()  # names of the fields that are whole numbers
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
-        cls.integers = frozenset(
-            name
-            for name, field in cls.model_fields.items()
-            if int in union_members(field.annotation)
-        )
         cls.__doc__ = f"{inspect.cleandoc(cls.__doc__ or '')}\n\n{cls.numpydoc()}"
 
     @model_validator(mode="before")
@@ -112,10 +106,11 @@ class Options(BaseModel):
         if not isinstance(values, Mapping):
             return values
         plain = {name: as_plain(value) for name, value in values.items()}
-        for name in cls.integers & plain.keys():
-            value = plain[name]
-            if type(value) is float and value.is_integer():
-                plain[name] = int(value)
+        for name, field in cls.model_fields.items():
+            value = plain.get(name)
+            if isinstance(value, float) and value.is_integer():
+                is_count = int in union_members(field.annotation)
+                plain[name] = int(value) if is_count else value
         return plain
 
     @classmethod
