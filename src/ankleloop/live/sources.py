@@ -92,7 +92,9 @@ class StreamSource(Source):
         # Not `proc_dejitter`, which smooths gaps away, too.
         flags = lsl.proc_clocksync | lsl.proc_monotonize
         self._inlet = lsl.StreamInlet(found[0], processing_flags=flags, as_numpy=True)
+        self._inlet.open_stream(timeout=SEARCHES)
         self._end = lsl.util.LostError
+        self._silence = lsl.util.TimeoutError
         contents = StreamContents(self._inlet.info(timeout=10.0), lsl)
         # A channel of times is not read: samples have stamps.
         self.find_channels(contents, options.model_copy(update={"time": None}))
@@ -103,6 +105,8 @@ class StreamSource(Source):
         while True:
             try:
                 rows, stamps = self._inlet.pull_chunk(WAIT, MOST_SAMPLES, min_samples=1)
+            except self._silence:
+                continue
             except self._end:
                 return
             yield {**self.take(rows), TIME: clock.smooth(stamps)}

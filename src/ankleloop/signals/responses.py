@@ -25,7 +25,7 @@ from scipy import linalg
 from scipy.fft import irfft, rfft
 
 from ankleloop.errors import DataError
-from ankleloop.signals.decimation import PASSBAND, USUAL_RATE, convolve, decimate, decimation_taps
+from ankleloop.signals.decimation import PASSBAND, convolve, decimate, decimation_taps
 from ankleloop.signals.spectra import smooth
 
 RESPONSE_LEADS = 0.15  # s
@@ -120,14 +120,13 @@ def _cut_rows(record: LaggedRecord, rows: slice) -> LaggedRecord:
 
 
 def predict_from_reference(
-    signals: Sequence[np.ndarray], references: Sequence[np.ndarray]
+    signals: Sequence[np.ndarray], references: Sequence[np.ndarray], leads: int = 15, lags: int = 80
 ) -> list[np.ndarray]:
     """Predict signals from leads and lags of the reference: the prediction is free of noise that is fed back.
 
     Shapes: signals (N, m), references (N, q); returns (N, m).
     """
     channels = references[0].shape[1]
-    leads, lags = _usual_reach(USUAL_RATE)  # in samples, since the rate does not matter
     taps, _ = _fit_response(_lag_records(references, signals, leads, lags, channels))
     padded = [np.pad(_centre(reference), ((lags, leads), (0, 0))) for reference in references]
     return [lag_matrix(reference, leads, lags) @ taps for reference in padded]

@@ -80,7 +80,8 @@ def collect(folder, ledger=LEDGER):
 
 def test_what_is_there_is_listed(folder):
     results = collect(folder)
-    assert list(results["links"].values()) == ["article.html", "ledger.html", "configuration.json"]
+    links = ["article.html", "ledger.html", "configuration.json", "ro-crate-metadata.json"]
+    assert list(results["links"].values()) == links
     assert [figure["name"] for figure in results["figures"][TABLE1["title"]]] == ["table1-order"]
     recordings = results["recordings"].set_index(["study", "recording"])
     assert recordings.loc[("laboratory", "A1"), "recommended method"] == HOSTILE
@@ -93,6 +94,6 @@ def test_what_is_there_is_listed(folder):
 
 def test_the_article_of_an_earlier_run_is_left_out(folder):
     results = collect(folder, ledger=None)
-    assert list(results["links"].values()) == ["configuration.json"]
+    assert list(results["links"].values()) == ["configuration.json", "ro-crate-metadata.json"]
     page = render_index(results, None, {})
     assert "Ledger" not in page

@@ -23,7 +23,11 @@ def test_the_demo_is_watched_until_it_is_interrupted(lsl, tmp_path):
     with start(tmp_path, "demo", "--lsl") as demo, start(tmp_path, *WATCH) as live:
         next((line for line in live.stdout if re.match(r" +1\d\.\d s  K \d", line)), None)
         live.send_signal(signal.SIGINT)
-        demo.kill()
+        try:
+            live.wait(timeout=60)
+        finally:
+            live.kill()
+            demo.kill()
     assert live.returncode == 0
     last = pd.read_csv(tmp_path / "history.csv").iloc[-1]
     assert last["K_low"] < 150.0 < last["K_high"]

@@ -8,6 +8,7 @@ from scipy import signal
 
 from ankleloop import identify, new_trial, simulate
 
+QUIET = {"snr_db": None, "voluntary": 0.0}
 CYCLES = {"cycle_onsets": np.arange(0.0, 48.0)}
 
 
@@ -159,7 +160,8 @@ def test_a_delay_far_from_the_assumed_one_is_a_warning(rate):
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"closed_loop": False}, {"voluntary": 1.0}, {"snr_db": None, "voluntary": 0.0}]
+    "settings",
+    [{}, {"closed_loop": False}, {"voluntary": 1.0}, QUIET, {**QUIET, "closed_loop": False}],
 )
 def test_a_complete_model_lacks_nothing(settings):
     trial = simulate(seed=4, **settings)

@@ -97,7 +97,7 @@ def correlation_probability(point, signal):
     band = point.equations.band
     white = signal / np.sqrt(band.smooth(np.abs(signal) ** 2, 1.0))
     products = point.residual / np.sqrt(point.noise) * white.conj()
-    interval = 0.5 * band.samples / band.rate / (band.bins.start + band.frequency.size)
+    interval = 0.5 * band.samples / band.rate / (band.parts[0].bins.start + band.frequency.size)
     lags = interval * np.arange(-int(0.5 / interval), int(0.5 / interval) + 1)
     sums = [np.sum(products * np.exp(2j * np.pi * band.frequency * lag)).real for lag in lags]
     energy = np.sum(np.square(sums)) / (0.5 * band.frequency.size * band.correlation)

@@ -27,6 +27,7 @@ SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
 LARGEST_SHIFT = 0.2  # of a parameter: more is no matter of its interval
 CERTAIN_SHIFT = 0.1  # the same, where the score is beyond doubt
 SMALLEST_PROBABILITY = 1e-300
+LEAST_UNEXPLAINED = 1e-4  # of the power of the torque: what less can hold is nothing
 EQUAL_SCORE = 0.9  # of the largest score: the record hardly tells the two effects apart
 # s, of a stretch reflex; somewhat longer ones are warned about
 STRETCH_DELAY = (QUANTITIES["delay"].plausible[0], 0.1)
@@ -151,11 +152,14 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     The score of each effect costs one solution of linear equations; where it is significant, the equations are solved
     with the effect as a further unknown.
     """
-    parameters = solution.point.parameters
+    point = solution.point
+    parameters = point.parameters
+    unexplained = np.sum(np.abs(point.residual) ** 2)
+    if unexplained < LEAST_UNEXPLAINED * np.sum(np.abs(solution.equations.torque) ** 2):
+        return []
     effects = list_effects(open_loop=solution.equations.open_loop)
-    answers_both = (
-        parameters.linear.size > MOTION + 1
-    )  # directions, as other bases than the rectifier do
+    # Other bases than the rectifier answer both directions.
+    answers_both = parameters.linear.size > MOTION + 1
     if answers_both:
         effects.remove("direction")
     groups = {name: [name] for name in effects} | {TOGETHER: effects}
@@ -169,7 +173,7 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     if answers_both:
         alternatives.append(_separate_directions(solution))
     is_known = "delay" in parameters.delays or parameters.passive
-    if is_known or solution.point.movement_p >= INCOMPLETE:
+    if is_known or point.movement_p >= INCOMPLETE:
         return alternatives
     starts = {"delay": replace(parameters, delays=("delay",))}
     if parameters.dynamics.pole is None:  # a third pole and a free delay are nearly the same
