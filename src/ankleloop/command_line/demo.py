@@ -16,7 +16,7 @@ from ankleloop.quantities import SETTINGS, STIFFNESS
 
 STREAM = "ankleloop-demo"
 RISE = 40  # s
-PIECE, LEAST = 0.02, 120.0  # s
+LENGTH, PIECE = 120, 0.02  # s
 EPILOG = """\b
 Examples:
   ankleloop demo
@@ -44,7 +44,7 @@ Examples:
     type=click.FloatRange(20, 600),
     default=50.0,
     show_default=True,
-    help="Its length [s]; with --lsl 120 at least.",
+    help="Its length [s]; with --lsl 120.",
 )
 @click.option(
     "--lsl", is_flag=True, help="Send it in real time over the Lab Streaming Layer, without files."
@@ -70,7 +70,7 @@ def demo(
     come while a subject moves, for `ankleloop live`; its stiffness rises on the way.
     """
     if lsl:
-        return _stream(seed, max(duration, LEAST))
+        return _stream(seed)
     import pandas as pd
 
     from ankleloop.quantities import QUANTITIES
@@ -103,15 +103,15 @@ def demo(
     return 0
 
 
-def _stream(seed: int, duration: float) -> int:
+def _stream(seed: int) -> int:
     """Send a simulated trial in real time, from when somebody listens."""
     from ankleloop.live.sources import import_lsl
     from ankleloop.simulation.simulate import simulate
     from ankleloop.trials.channels import CHANNELS
 
     lsl = import_lsl()
-    stiffness = np.where(np.arange(duration + 1) > RISE, 195.0, 150.0)
-    trial = simulate(seed=seed, duration=duration, variation="time", stiffness_table=stiffness)
+    stiffness = np.where(np.arange(LENGTH + 1) > RISE, 195.0, 150.0)
+    trial = simulate(seed=seed, duration=LENGTH, variation="time", stiffness_table=stiffness)
     samples = np.column_stack([trial[name] for name in CHANNELS])
     rate = trial.attrs["sampling_rate"]
     info = lsl.StreamInfo(STREAM, "Joint", len(CHANNELS), rate, lsl.cf_double64, source_id=STREAM)
@@ -124,8 +124,8 @@ def _stream(seed: int, duration: float) -> int:
     while not outlet.wait_for_consumers(1.0):
         pass
     end = lsl.local_clock()
-    for piece in np.array_split(samples, round(duration / PIECE)):
-        end += len(piece) / rate
+    for piece in np.split(samples, round(LENGTH / PIECE)):
+        end += PIECE
         time.sleep(max(0.0, end - lsl.local_clock()))
         outlet.push_chunk(piece, end)
     time.sleep(1.0)  # until all has been read

@@ -11,10 +11,10 @@ from typing import Any
 
 import click
 
-from ankleloop.command_line.plan import HELP, parse_widths
+from ankleloop.command_line.plan import parse_widths
 from ankleloop.command_line.reading import add_options, parse_reading
 from ankleloop.command_line.terminal import echo, join_words, show_next
-from ankleloop.trials.channels import CHANNELS, TIME
+from ankleloop.trials.channels import CHANNELS
 
 EPILOG = """\b
 Examples:
@@ -23,8 +23,8 @@ Examples:
   ankleloop live growing.csv --width K=5% --width G=20%
   recorder | ankleloop live - --no-page
 """
-UNITS = ("position_unit", "torque_unit", "position_sign", "torque_sign")
-LOOK = 0.2  # s between two looks for a new estimate
+OPTIONS = (*CHANNELS, "position_unit", "torque_unit", "position_sign", "torque_sign")
+PERIOD = 0.5  # s between two lines, as between two estimates
 TABLE = click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path)
 OUTPUT = click.Path(dir_okay=False, path_type=Path)
 
@@ -32,45 +32,25 @@ OUTPUT = click.Path(dir_okay=False, path_type=Path)
 @click.command(epilog=EPILOG)
 @click.argument("table", type=TABLE, required=False)
 @click.option("--lsl", metavar="NAME", help="A stream of the Lab Streaming Layer.")
-@partial(add_options, names=(*CHANNELS, *UNITS, TIME))
-@click.option(
-    "--rate",
-    "sampling_rate",
-    type=float,
-    metavar="HZ",
-    help="Sampling rate, where the source states none. The times of a table are then not read.",
-)
-@click.option(
-    "--memory",
-    type=float,
-    default=20.0,
-    show_default=True,
-    help="Longest window of an estimate [s].",
-)
-@click.option(
-    "--every", type=float, default=0.5, show_default=True, help="Time between estimates [s]."
-)
+@partial(add_options, names=(*OPTIONS, "time", "sampling_rate"))
+@click.option("--memory", default=20.0, help="Longest window of an estimate [s], 20 by default.")
 @click.option(
     "--width",
     "widths",
     multiple=True,
-    default=("K=5%",),
-    show_default=True,
+    default=["K=5%"],
     callback=parse_widths,
     metavar="NAME=SHARE",
-    help=HELP,
+    help="Half-width of a 95 % interval over K, B, I or G that is enough; several for several.  [default: K=5%]",
 )
-@click.option(
-    "--page/--no-page", default=True, help="Open a page, or print a line for each estimate."
-)
+@click.option("--no-page", is_flag=True, help="Print a line for each estimate in place of a page.")
 @click.option("--record", type=OUTPUT, help="CSV file for the samples, which identify reads.")
 def live(
     table: Path | None,
     lsl: str | None,
     memory: float,
-    every: float,
     widths: dict[str, float],
-    page: bool,
+    no_page: bool,
     record: Path | None,
     **values: Any,
 ) -> int:
@@ -93,23 +73,19 @@ def live(
         source = TableSource(table, parse_reading(table, **values))
     else:
         raise click.UsageError("name a table, or a stream by --lsl.")
-    echo(
-        f"{source.name}, {source.rate:g} Hz; the position is in {source.options.position_unit or 'rad'}"
-    )
-    for role in CHANNELS:
-        echo(f"  {role:9} {source.variables[role].name}")
+    echo(source.summary)
     try:
-        estimate = LiveEstimate(source.rate, memory, every)
+        estimate = LiveEstimate(source.rate, memory)
         estimate.enough(widths)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
     recorder = Record(record, source.rate) if record else None
     view = LiveView(source, estimate, widths)
-    if page:
+    if not no_page:
         address = view.serve()
         echo(f"{address} is the page, on this computer alone. Ctrl+C ends the recording.")
         webbrowser.open(address)
-    looked = 0.0  # when there was a look for a new estimate
+    shown = monotonic()  # when there was the last line
     try:
         with estimate, suppress(KeyboardInterrupt):
             for samples in source:
@@ -117,10 +93,10 @@ def live(
                 view.add_torque(samples["torque"])
                 if recorder:
                     recorder.add(samples)
-                if not page and monotonic() - looked > LOOK:
-                    looked = monotonic()
-                    view.show_line(echo)
-        view.show_line(echo)
+                if no_page and monotonic() - shown > PERIOD:
+                    shown = monotonic()
+                    echo(view.render("live_line.txt.j2"))
+        echo(view.render("live_line.txt.j2"))
     finally:
         history = find_free(Path("history.csv"))
         write_csv(estimate.history, history)

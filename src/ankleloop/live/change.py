@@ -26,8 +26,9 @@ class Change(NamedTuple):
 
     def update(self, present: Change, memory: float) -> Change:
         """The last change, with the present power: this one, or the present one if it is another or shows it better."""
-        is_other = present.since > self.since + memory or present.score * self.score < 0.0
-        smallest = THRESHOLD if is_other else max(THRESHOLD, abs(self.score))
+        smallest = max(THRESHOLD, abs(self.score))
+        if present.since > self.since + memory:
+            smallest = THRESHOLD
         if abs(present.score) > smallest:
             return present
         return self._replace(power=present.power)
@@ -35,14 +36,8 @@ class Change(NamedTuple):
 
 def compare(name: str, earlier: Mapping[str, float], later: Mapping[str, float]) -> Change:
     """Compare a parameter of two windows, by its values and the ends of its intervals."""
-    before = earlier.get(name, np.nan)
-    after = later.get(name, np.nan)
-    error = np.hypot(_find_error(name, earlier), _find_error(name, later))
-    power = special.ndtr(STEP * abs(before) / error - THRESHOLD)
-    return Change(earlier["time"], before, after, float((after - before) / error), float(power))
-
-
-def _find_error(name: str, values: Mapping[str, float]) -> float:
-    """Standard error of a parameter, by the width of its interval."""
-    width = values.get(f"{name}_high", np.nan) - values.get(f"{name}_low", np.nan)
-    return width / (2.0 * TWO_SIDED)
+    widths = [window[f"{name}_high"] - window[f"{name}_low"] for window in (earlier, later)]
+    error = np.hypot(*widths) / (2.0 * TWO_SIDED)
+    score = (later[name] - earlier[name]) / error
+    power = special.ndtr(STEP * abs(earlier[name]) / error - THRESHOLD)
+    return Change(earlier["time"], earlier[name], later[name], float(score), float(power))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from time import perf_counter
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -19,8 +19,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.live.change import COMPARED, Change, compare
 from ankleloop.live.stream import Stream, check_stream
 from ankleloop.methods.registry import find_method, identify
-from ankleloop.options import as_real, check_argument, check_flag, check_number
-from ankleloop.quantities import PARAMETERS
+from ankleloop.options import as_real, check_argument, check_number
 from ankleloop.signals.sampling import parse_rate
 from ankleloop.trials.trial import check_sizes, new_trial
 
@@ -28,6 +27,7 @@ OWNER = "LiveEstimate"
 COLUMNS = [
     "time",
     "window",
+    "latency",
     "K",
     "K_low",
     "K_high",
@@ -72,9 +72,6 @@ class LiveEstimate:
     ----------
     estimate : Estimate or None
         The newest estimate.
-    latency : float
-        Age of the newest estimate when it came [s]: of the middle of its window without the ends that filters take, and
-        with the time of the fit.
 
     Raises
     ------
@@ -110,16 +107,14 @@ class LiveEstimate:
         self._every = check_number(OWNER, "every", every, "s", ge=0.1, le=COMPARED)
         find_method("riv").options.parse("method 'riv'", **options)
         self._options = options
-        self._open_loop = options.get("reference") == "position"
         self.estimate: Estimate | None = None
-        self.latency = np.nan
         self._stream = Stream(self._rate, self._memory)
         self._counted = 0  # samples that came without stamps
         self._step = round(self._every * self._rate)  # samples from one estimate to the next
         self._left = self._step  # samples to the next one
-        self._rows: list[dict[str, Any]] = []
+        self._rows: deque[dict[str, Any]] = deque(maxlen=round(LONGEST_HISTORY / self._every))
         self._changes = {"K": Change(), "G": Change()}
-        self._beside = check_flag(OWNER, "beside", beside)
+        self._beside = beside
         self._pool = ThreadPoolExecutor(1, thread_name_prefix=OWNER)
         self._newest: Future[None] | None = None  # fit, which may still wait
 
@@ -151,10 +146,9 @@ class LiveEstimate:
             count = np.size(position)
             time = np.arange(self._counted, self._counted + count) / self._rate
             self._counted += count
-        given: dict[str, Any] = {"position": position, "torque": torque}
-        if not self._open_loop:
+        given: dict[str, Any] = {"time": time, "position": position, "torque": torque}
+        if self._options.get("reference") != "position":
             given["reference"] = reference
-        given["time"] = time
         channels = {name: as_real(values, name).ravel() for name, values in given.items()}
         check_sizes({name: values.size for name, values in channels.items()}, source=OWNER)
         samples = np.stack(list(channels.values()))
@@ -179,9 +173,9 @@ class LiveEstimate:
     def history(self) -> pd.DataFrame:
         """A row for each window of the last hour.
 
-        `time` is the end of the window [s], from the first sample on, and `window` its length [s]. Then come K, B, I
-        and G, each with the ends of its 95 % interval (`K_low`, `K_high`), `warnings`, and `failure`: why there is no
-        estimate, else empty.
+        `time` is the end of the window [s], from the first sample on, `window` its length [s], and `latency` the age of
+        the estimate [s]: of the middle of the window without the ends that filters take. Then come K, B, I and G, each
+        with the ends of its 95 % interval (`K_low`, `K_high`), `warnings`, and `failure`: why there is no estimate.
         """
         return pd.DataFrame(list(self._rows), columns=COLUMNS)
 
@@ -215,14 +209,31 @@ class LiveEstimate:
         ValueError
             For another parameter, or a width that is no number between 0.0001 and 10.
         """
-        row = self._rows[-1] if self._rows else {}
-        is_enough = row.get("window", 0.0) > self._memory - 1.0 / self._rate
+        return not np.isnan(self.enough_since(widths))
+
+    def enough_since(self, widths: Mapping[str, float]) -> float:
+        """Time [s] since when all windows have been as `enough` asks for; nan where the last one is not.
+
+        Parameters
+        ----------
+        widths : mapping
+            As of `enough`.
+
+        Returns
+        -------
+        float
+        """
+        history = self.history
+        is_enough = history["window"] > self._memory - 1.0 / self._rate
         for name, width in widths.items():
-            check_argument(Literal[tuple(PARAMETERS)], "enough", "parameter", name)
+            check_argument(Literal["K", "B", "I", "G"], "enough", "parameter", name)
             check_number("enough", f"widths: {name}", width, ge=1e-4, le=10)
-            value, low, high = (row.get(f"{name}{end}", np.nan) for end in ("", "_low", "_high"))
-            is_enough &= bool(max(high - value, value - low) <= width * abs(value))
-        return is_enough
+            value = history[name]
+            above = history[f"{name}_high"] - value
+            below = value - history[f"{name}_low"]
+            is_enough &= np.maximum(above, below) <= width * value.abs()
+        is_last = is_enough[::-1].cummin()
+        return float(history["time"].where(is_last).min())
 
     def _start_fit(self) -> None:
         """Fit the last samples, in the place of a window that still waits."""
@@ -235,12 +246,13 @@ class LiveEstimate:
 
     def _fit(self, end: float, samples: np.ndarray, warnings: list[str]) -> None:
         """Add the row of a window."""
-        start = perf_counter()
         seconds = samples.shape[1] / self._rate
         row: dict[str, Any] = {"time": end, "window": seconds, "failure": ""}
         try:
             estimate = self._identify(samples)
-            with suppress(*NUMERICAL_ERRORS):  # of the last seconds alone: nothing is compared
+            with suppress(
+                KeyError, *NUMERICAL_ERRORS
+            ):  # of the last seconds alone: nothing is compared
                 self._find_changes(samples)
         except Exception as error:  # whatever it is, the recording goes on
             row["failure"] = describe_error(error)
@@ -248,35 +260,30 @@ class LiveEstimate:
             row |= list_parameters(estimate)
             warnings += check_stream(samples, self._rate)
             warnings += estimate.diagnostics["warnings"]
-            age = end - float(estimate.torque["time"].mean())
-            self.latency = age + perf_counter() - start
+            row["latency"] = end - float(estimate.torque["time"].mean())
             self.estimate = estimate
-        row["warnings"] = " ".join(dict.fromkeys(warnings))
+        row["warnings"] = " ".join(warnings)
         self._rows.append(row)
-        del self._rows[: -round(LONGEST_HISTORY / self._every)]
 
     def _identify(self, samples: np.ndarray) -> Estimate:
         """Estimate from samples, at their times."""
-        *channels, times = samples
+        times, position, torque, *reference = samples
         if times.size < round(SHORTEST_RECORD * self._rate):
             seconds = times.size / self._rate
             raise DataError(
                 f"there are {seconds:.3g} s without a missing sample, and {SHORTEST_RECORD:g} s are needed."
             )
-        position, torque, *reference = channels
         trial = new_trial(position, torque, self._rate, *reference)
-        time = trial["time"]
-        trial = trial.assign_coords(time=time.copy(data=time + times[0]))
+        trial = trial.assign_coords(time=trial["time"] + times[0])
         return identify(trial, "riv", **self._options)
 
     def _find_changes(self, samples: np.ndarray) -> None:
         """Compare the last seconds with the window before them."""
         last = samples[:, -round(COMPARED * self._rate) :]
-        start = last[-1, 0] + 0.5 / self._rate
+        start = last[0, 0] + 0.5 / self._rate
         earlier = [row for row in self._rows if row["time"] < start and "K" in row]
-        if not earlier:
-            return
-        later = list_parameters(self._identify(last))
-        for name, found in self._changes.items():
-            present = compare(name, earlier[-1], later)
-            self._changes[name] = found.update(present, self._memory)
+        if earlier:
+            later = list_parameters(self._identify(last))
+            for name, found in self._changes.items():
+                present = compare(name, earlier[-1], later)
+                self._changes[name] = found.update(present, self._memory)

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import TIME, read_channels
+from ankleloop.trials.channels import CHANNELS, TIME, read_channels
 from ankleloop.trials.contents import Contents, Variable
 from ankleloop.trials.csv_files import CsvContents
 from ankleloop.trials.readers import choose_rate, find_factors, settle_position_unit
@@ -26,48 +26,49 @@ from ankleloop.trials.units import time_factor
 
 STANDARD_INPUT = Path("-")
 WAIT = 0.1  # s for new samples
-SEARCHES = 60  # of a second, until there is a stream
+SEARCH = 60.0  # s, until there is a stream
 FIRST_LINES = 100  # of a table, which tell its rate
 MOST_SAMPLES = 10_000  # of a stream at a time
-# Of stamps: jitter [s] of a stream that begins, by how many times of it a gap is beyond, and how fast [s] times follow.
-JITTER, BEYOND, FOLLOWING = 0.002, 3.0, 5.0
+GAP = 0.05  # s between stamps: less is jitter
+FOLLOWING = 5.0  # s in which times follow the stamps
 
 # Position [rad], torque [N·m], reference [rad] and, where the source has any, times [s] by name, each of shape (N,).
 Samples = dict[str, np.ndarray]
 
 
-class Source(Iterable[Samples]):
-    """What sends samples: iterating over it gives them as they come, none after a wait in which none came."""
+class Source(Contents, Iterable[Samples]):
+    """What sends samples, and has named columns as a file has.
 
-    name: str
+    Iterating over it gives samples as they come, none after a wait in which none came.
+    """
+
     rate: float  # Hz
-    variables: dict[str, Variable]  # by channel, as the source has them
-    options: ReadingOptions  # with the unit that the source states
     silence = 0.0  # s without samples
 
-    def find_channels(self, contents: Contents, options: ReadingOptions) -> None:
+    def find_channels(self, options: ReadingOptions) -> None:
         """Find the columns of the channels, and their units, from what the source says of itself."""
-        self.name = contents.path.name
-        rate = options.sampling_rate
-        time_name = None if rate else options.time
-        self.variables = {
-            role: replace(variable, shape=samples.shape, read=samples.copy)
-            for role, variable, samples in read_channels(contents, options.names, rate, time_name)
+        source = self.path.name
+        channels = read_channels(self, options.names, options.sampling_rate, options.time)
+        variables = {
+            role: replace(variable, read=samples.copy) for role, variable, samples in channels
         }
-        if "reference" not in self.variables:
+        if "reference" not in variables:
             raise DataError(
-                f"{self.name}: no channel is called reference or command: name the command of the servo, without which "
-                "no estimate in closed loop is right.",
+                f"{source}: no channel is called reference or command: name the command of the servo, without which no "
+                "estimate in closed loop is right.",
                 remedy={"reference": None},
             )
-        self.options = settle_position_unit(self.variables, options)
-        self.rate = choose_rate(self.variables, source=self.name)
-        self._factors = find_factors(self.variables, self.options, source=self.name)
-        if TIME in self.variables:
-            times = self.variables[TIME]
-            self._factors[TIME] = time_factor(times.name, times.unit, source=self.name) or 1.0
-        columns = [variable.name for variable in contents.variables]
-        self._places = {role: columns.index(self.variables[role].name) for role in self._factors}
+        options = settle_position_unit(variables, options)
+        self.rate = choose_rate(variables, source=source)
+        self._factors = find_factors(variables, options, source=source)
+        if TIME in variables:
+            times = variables[TIME]
+            self._factors[TIME] = time_factor(times.name, times.unit, source=source) or 1.0
+        columns = [variable.name for variable in self.variables]
+        self._places = {role: columns.index(variables[role].name) for role in self._factors}
+        names = ", ".join(f"{role} {variables[role].name}" for role in CHANNELS)
+        unit = options.position_unit or "rad"
+        self.summary = f"{source}, {self.rate:g} Hz: {names}; the position is in {unit}"
 
     def take(self, rows: np.ndarray) -> Samples:
         """Channels of rows, shape (N, columns)."""
@@ -76,28 +77,47 @@ class Source(Iterable[Samples]):
 
 
 class StreamSource(Source):
-    """A stream of the Lab Streaming Layer, found by its name; its library corrects the stamps for the clocks."""
+    """A stream of the Lab Streaming Layer, found by its name; its library corrects the stamps for the clocks.
+
+    Its description has the labels of the channels, which are numbers, from 0, where there are none.
+    """
 
     def __init__(self, name: str, options: ReadingOptions) -> None:
-        lsl = import_lsl()
-        for _ in range(SEARCHES):
-            found = lsl.resolve_byprop("name", name, minimum=2, timeout=1.0)
-            if found:
-                break
+        super().__init__(Path(name))
+        self._lsl = import_lsl()
+        self._lsl.resolve_byprop("name", name, timeout=SEARCH)
+        found = self._lsl.resolve_byprop("name", name, minimum=2, timeout=1.0)
         if len(found) != 1:
-            others = ", ".join(info.name() for info in lsl.resolve_streams())
+            others = ", ".join(info.name() for info in self._lsl.resolve_streams())
             raise DataError(
                 f"{len(found)} streams are called {name!r}, and one has to be; there are: {others or 'none'}."
             )
         # Not `proc_dejitter`, which smooths gaps away, too.
-        flags = lsl.proc_clocksync | lsl.proc_monotonize
-        self._inlet = lsl.StreamInlet(found[0], processing_flags=flags, as_numpy=True)
-        self._inlet.open_stream(timeout=SEARCHES)
-        self._end = lsl.util.LostError
-        self._silence = lsl.util.TimeoutError
-        contents = StreamContents(self._inlet.info(timeout=10.0), lsl)
+        flags = self._lsl.proc_clocksync | self._lsl.proc_monotonize
+        self._inlet = self._lsl.StreamInlet(found[0], processing_flags=flags, as_numpy=True)
+        info = self._inlet.info(timeout=10.0)
+        count = info.channel_count()
+        labels = info.get_channel_labels() or map(str, range(count))
+        units = info.get_channel_units() or [""] * count
+        for label, unit in zip(labels, units, strict=True):
+            # Whatever comes is more than a single number.
+            self.variables.append(Variable(label, (2,), lambda: np.zeros(2), {"units": unit}))
+        self.file_attributes = {"sampling_rate": info.nominal_srate() or None}
         # A channel of times is not read: samples have stamps.
-        self.find_channels(contents, options.model_copy(update={"time": None}))
+        self.find_channels(options.model_copy(update={"time": None}))
+
+    def require(self, name: str) -> Variable:
+        """Channel of a label or a number; one that another stream has is refused."""
+        if self.find(name) is None:
+            if name.isdecimal() and int(name) < len(self.variables):
+                return self.variables[int(name)]
+            label = "desc/channels/channel/label"
+            for info in self._lsl.resolve_byprop(label, name, timeout=1.0):
+                raise DataError(
+                    f"{self.path.name}: there is no channel {name!r}, but the stream {info.name()!r} has one: let one "
+                    "program send all channels in one stream, where their samples are of the same times."
+                )
+        return super().require(name)
 
     def __iter__(self) -> Iterator[Samples]:
         """Samples; a stream that ends is waited for, unless it has no identity by which it would be known again."""
@@ -105,9 +125,7 @@ class StreamSource(Source):
         while True:
             try:
                 rows, stamps = self._inlet.pull_chunk(WAIT, MOST_SAMPLES, min_samples=1)
-            except self._silence:
-                continue
-            except self._end:
+            except self._lsl.util.LostError:
                 return
             yield {**self.take(rows), TIME: clock.smooth(stamps)}
 
@@ -120,23 +138,18 @@ class SteadyClock:
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
-        self._jitter = JITTER
-        self._next = -np.inf  # time of the next sample [s]
+        self._stamp = 0.0  # of the last sample [s]
+        self._time = 0.0  # of the last sample [s]
 
     def smooth(self, stamps: np.ndarray) -> np.ndarray:
         """Times of samples by their stamps, both of shape (N,)."""
-        times = np.empty(stamps.size)
-        slow = 1.0 / (FOLLOWING * self._rate)
-        for number, stamp in enumerate(stamps.tolist()):
-            late = stamp - self._next
-            if abs(late) > max(0.5 / self._rate, BEYOND * self._jitter):
-                self._next = stamp
-                self._jitter += JITTER
-            else:
-                self._next += slow * late
-                self._jitter = max(abs(late), (1.0 - slow) * self._jitter)
-            times[number] = self._next
-            self._next += 1.0 / self._rate
+        steps = np.diff(stamps, prepend=self._stamp)
+        late = self._stamp - self._time
+        interval = (1.0 + late / FOLLOWING) / self._rate
+        times = self._time + np.cumsum(np.where(steps > GAP, steps, interval))
+        if times.size:
+            self._stamp = stamps[-1]
+            self._time = times[-1]
         return times
 
 
@@ -152,54 +165,28 @@ def import_lsl() -> Any:
     return pylsl
 
 
-class StreamContents(Contents):
-    """Channels of a stream as its description has them: by label, or by number, from 0."""
+class TableSource(Source, CsvContents):
+    """A CSV file to which another program adds lines, or the same over standard input, which has an end.
 
-    kind = "channels"
-
-    def __init__(self, info: Any, lsl: Any) -> None:
-        super().__init__(Path(info.name()))
-        self._lsl = lsl
-        count = info.channel_count()
-        labels = info.get_channel_labels() or map(str, range(count))
-        units = info.get_channel_units() or [""] * count
-        for label, unit in zip(labels, units, strict=True):
-            # Whatever comes is more than a single number.
-            self.variables.append(Variable(label, (2,), lambda: np.zeros(2), {"units": unit}))
-        self.file_attributes = {"sampling_rate": info.nominal_srate() or None}
-
-    def require(self, name: str) -> Variable:
-        """Channel of a label or a number; one that another stream has is refused."""
-        variable = self.find(name)
-        if variable is not None:
-            return variable
-        if name.isdecimal() and int(name) < len(self.variables):
-            return self.variables[int(name)]
-        fault = f"{self.path.name}: there is no channel {name!r}"
-        for info in self._lsl.resolve_byprop("desc/channels/channel/label", name, timeout=1.0):
-            raise DataError(
-                f"{fault}, but the stream {info.name()!r} has one: let one program send all channels in one stream, "
-                "where their samples are of the same times."
-            )
-        raise DataError(
-            f"{fault}; the stream has: {self.describe(self.names())}. Name one of these, or its number, from 0."
-        )
-
-
-class TableSource(Source):
-    """A CSV file to which another program adds lines, or the same over standard input, which has an end."""
+    Its first lines say how all others are written.
+    """
 
     def __init__(self, path: Path, options: ReadingOptions) -> None:
         lines = iter(sys.stdin) if path == STANDARD_INPUT else follow(path)
         first = list(islice(filter(None, lines), FIRST_LINES))
-        self._table = GrowingTable(path, "".join(first).encode())
-        self._lines = chain(first[self._table.lines_above :], lines)
-        self.find_channels(self._table, options)
+        super().__init__(path, "".join(first).encode())
+        self._new_lines = chain(first[self._last_line :], lines)
+        self.find_channels(options)
 
     def __iter__(self) -> Iterator[Samples]:
-        """Samples, each alone; a cell that is no number is nan."""
-        for line in self._lines:
-            yield self.take(self._table.parse(line))
+        """Samples, each alone; a cell that is no number is nan, and a line without all cells is left out."""
+        columns = len(self.variables)
+        for line in self._new_lines:
+            cells = line.replace(self._decimal, ".").split(self._delimiter)
+            rows = np.empty((0, columns))
+            if len(cells) >= columns:
+                rows = pd.to_numeric(cells[:columns], errors="coerce")[np.newaxis]
+            yield self.take(rows)
 
 
 def follow(path: Path) -> Iterator[str]:
@@ -214,19 +201,3 @@ def follow(path: Path) -> Iterator[str]:
             else:
                 time.sleep(WAIT)
                 yield ""
-
-
-class GrowingTable(CsvContents):
-    """A table of which the first lines are there, which say how all others are written."""
-
-    @property
-    def lines_above(self) -> int:
-        """Number of lines above the numbers."""
-        return self._last_line
-
-    def parse(self, line: str) -> np.ndarray:
-        """Numbers of a line, nan for what is none; shape (1, columns), or (0, columns) where it is empty."""
-        columns = len(self.variables)
-        cells = line.replace(self._decimal, ".").split(self._delimiter) + [""] * columns
-        numbers = pd.to_numeric(cells[:columns], errors="coerce")
-        return numbers[np.newaxis] if line.strip() else np.empty((0, columns))

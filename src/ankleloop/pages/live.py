@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from threading import Thread
 from typing import Any
 
@@ -20,8 +20,12 @@ from ankleloop.recordings.recommendation import format_with_interval
 PERIOD = 500  # ms between two pictures
 SHOWN_ROWS = 1200  # of the estimates
 TORQUE_SECONDS = 5.0
-PANEL: dict[str, Any] = {"height": 150, "min_border_left": 65, "sizing_mode": "stretch_width"}
-COLOUR = METHOD_STYLES["riv"].colour
+PANEL: dict[str, Any] = {
+    "height": 150,
+    "min_border_left": 65,
+    "sizing_mode": "stretch_width",
+    "toolbar_location": None,
+}
 
 
 class LiveView:
@@ -31,8 +35,6 @@ class LiveView:
         self.source = source
         self.live = live
         self.widths = widths
-        self.since = np.inf  # from when on the intervals are narrow enough [s]
-        self._line = ""  # that was shown last
         self._torque = np.zeros(round(TORQUE_SECONDS * source.rate))
 
     def add_torque(self, torque: np.ndarray) -> None:
@@ -41,26 +43,14 @@ class LiveView:
 
     def render(self, template: str) -> str:
         """The newest numbers, whether they are narrow enough, and what there is to say, by a template."""
-        newest = self.live.history.tail(1).to_dict("records")
-        if not self.live.enough(self.widths):
-            self.since = np.inf
-        elif newest:
-            self.since = min(self.since, newest[0]["time"])
         return render_template(
             template,
             view=self,
-            newest=newest,
+            newest=self.live.history.tail(1).to_dict("records"),
             names=TRAJECTORIES,
             quantities=QUANTITIES,
             show=format_with_interval,
         )
-
-    def show_line(self, show: Callable[[str], None]) -> None:
-        """Show the newest estimate in a line, unless it has been shown."""
-        line = self.render("live_line.txt.j2")
-        if line != self._line:
-            self._line = line
-            show(line)
 
     def serve(self) -> str:
         """Serve the page on this machine alone; its address has a token, without which nothing is served."""
@@ -96,32 +86,29 @@ class LiveView:
         changes = ColumnDataSource()
         torque = ColumnDataSource()
         panels = []
-        for name in (*TRAJECTORIES, "torque"):
-            panel = figure(y_axis_label=QUANTITIES[name].label, toolbar_location=None, **PANEL)
+        for name in TRAJECTORIES:
+            panel = figure(x_axis_label="time [s]", y_axis_label=QUANTITIES[name].label, **PANEL)
+            look: dict[str, Any] = {"source": estimates, "color": METHOD_STYLES["riv"].colour}
+            panel.varea("time", f"{name}_low", f"{name}_high", alpha=0.25, **look)
+            panel.line("time", name, line_width=2, **look)
+            panel.vspan("since", source=changes, line_dash="dashed")
             panels.append(panel)
-            if name == "torque":
-                panel.line("time", name, source=torque, color=MEASURED.colour)
-                panel.xaxis.axis_label = "time from now [s]"
-            else:
-                look: dict[str, Any] = {"source": estimates, "color": COLOUR}
-                panel.varea("time", f"{name}_low", f"{name}_high", alpha=0.25, **look)
-                panel.line("time", name, line_width=2, **look)
-                panel.vspan("since", source=changes, line_dash="dashed")
-                panel.xaxis.axis_label = "time [s]"
+        panel = figure(
+            x_axis_label="time from now [s]", y_axis_label=QUANTITIES["torque"].label, **PANEL
+        )
+        panel.line("time", "torque", source=torque, color=MEASURED.colour)
 
         def update() -> None:
-            history = self.live.history.drop(columns=["warnings", "failure"]).tail(SHOWN_ROWS)
+            history = self.live.history.tail(SHOWN_ROWS)
             numbered = history[history["K"].notna().cummax()]
-            estimates.data = dict(numbered.items())
-            for panel in panels[:-1]:
-                panel.visible = not numbered.empty
-            changes.data = {"since": self.live.change["since"].dropna()}
+            estimates.data = ColumnDataSource.from_df(numbered)
+            changes.data = ColumnDataSource.from_df(self.live.change.dropna())
             seconds = np.linspace(-TORQUE_SECONDS, 0.0, self._torque.size)
             torque.data = {"time": seconds, "torque": self._torque}
             text.text = self.render("live_text.html.j2")
 
         update()
-        document.title = self.source.name
+        document.title = self.source.path.name
         document.template = ENVIRONMENT.get_template("live.html.j2")
-        document.add_root(column(text, *panels, sizing_mode="stretch_width"))
+        document.add_root(column(text, *panels, panel, sizing_mode="stretch_width"))
         document.add_periodic_callback(update, PERIOD)

@@ -72,7 +72,7 @@ def test_a_stream_without_identity_ends(new_outlet):
     ("mapping", "fault"),
     [
         ({"torque": "fz"}, "stream 'plate' has one: let one program send all channels"),
-        ({"torque": "moment"}, "no channel 'moment'; the stream has: angle, torque, command"),
+        ({"torque": "moment"}, "no variable 'moment'; the file has: angle, torque, command"),
         ({"reference": "none"}, "name the command of the servo"),
         ({"torque_unit": "mN·m"}, "torque is in 'N.m'"),
     ],
@@ -85,7 +85,7 @@ def test_channels_that_do_not_fit_are_refused(new_outlet, mapping, fault):
 
 
 def test_a_name_that_no_stream_or_several_have_is_refused(new_outlet, monkeypatch):
-    monkeypatch.setattr(sources, "SEARCHES", 1)
+    monkeypatch.setattr(sources, "SEARCH", 1.0)
     outlets = [new_outlet("twin"), new_outlet("twin", source_id="other")]
     with pytest.raises(DataError, match="2 streams are called 'twin'"):
         StreamSource("twin", ReadingOptions())
