@@ -3,6 +3,7 @@ import pytest
 LOOPBACK = (
     "[multicast]\nResolveScope = machine\n[lab]\nKnownPeers = {127.0.0.1}\n[log]\nlevel = -3\n"
 )
+UNITS = {"angle": "deg", "torque": "N.m", "command": "deg", "fz": "N"}
 
 
 @pytest.fixture(scope="session")
@@ -24,13 +25,10 @@ def lsl(tmp_path_factory):
 def new_outlet(lsl):
     """Make an outlet with labels and units."""
 
-    def new_outlet(
-        name, labels=("angle", "torque", "command"), units=("deg", "N.m", "deg"), **more
-    ):
-        options = {"nominal_srate": 1000.0, "source_id": name, **more}
-        info = lsl.StreamInfo(name, "Joint", len(labels), channel_format="double64", **options)
+    def new_outlet(name, labels=("angle", "torque", "command"), source="rig"):
+        info = lsl.StreamInfo(name, "Joint", len(labels), 1000.0, "double64", source)
         info.set_channel_labels(list(labels))
-        info.set_channel_units(list(units))
+        info.set_channel_units([UNITS[label] for label in labels])
         return lsl.StreamOutlet(info)
 
     return new_outlet
