@@ -32,7 +32,7 @@ def test_the_page_moves_and_only_a_browser_with_its_token_sees_it(browser, pixel
         faults = []
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.goto(address)
-        page.get_by_text("K within ± 20 %: yes, since 12 s").wait_for()
+        page.get_by_text("K within ± 20 %: yes, since 10 s").wait_for()
         before = page.screenshot()
         add(12_000, 20_000)
         page.get_by_text("20.0 s").wait_for()

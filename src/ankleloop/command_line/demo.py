@@ -110,7 +110,7 @@ def _stream(seed: int) -> int:
     from ankleloop.trials.channels import CHANNELS
 
     lsl = import_lsl()
-    stiffness = np.where(np.arange(LENGTH + 1) > RISE, 195.0, 150.0)
+    stiffness = [150.0] * RISE + [195.0] * (LENGTH - RISE)
     trial = simulate(seed=seed, duration=LENGTH, variation="time", stiffness_table=stiffness)
     samples = np.column_stack([trial[name] for name in CHANNELS])
     rate = trial.attrs["sampling_rate"]

@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from ankleloop.command_line.plan import parse_widths
+from ankleloop.command_line.plan import width_option
 from ankleloop.command_line.reading import add_options, parse_reading
 from ankleloop.command_line.terminal import echo, join_words, show_next
 from ankleloop.trials.channels import CHANNELS
@@ -34,14 +34,10 @@ OUTPUT = click.Path(dir_okay=False, path_type=Path)
 @click.option("--lsl", metavar="NAME", help="A stream of the Lab Streaming Layer.")
 @partial(add_options, names=(*OPTIONS, "time", "sampling_rate"))
 @click.option("--memory", default=20.0, help="Longest window of an estimate [s], 20 by default.")
-@click.option(
-    "--width",
-    "widths",
-    multiple=True,
+@width_option(
     default=["K=5%"],
-    callback=parse_widths,
-    metavar="NAME=SHARE",
-    help="Half-width of a 95 % interval over K, B, I or G that is enough; several for several.  [default: K=5%]",
+    show_default=True,
+    help="Half-width of a 95 % interval over K, B, I or G that is enough; several times for several.",
 )
 @click.option("--no-page", is_flag=True, help="Print a line for each estimate in place of a page.")
 @click.option("--record", type=OUTPUT, help="CSV file for the samples, which identify reads.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,17 +48,19 @@ def parse_widths(
     return widths
 
 
-@click.command(epilog=EPILOG)
-@click.argument("file", type=FILE)
-@click.option(
+width_option = partial(
+    click.option,
     "--width",
     "widths",
     multiple=True,
-    required=True,
     callback=parse_widths,
     metavar="NAME=SHARE",
-    help=HELP,
 )
+
+
+@click.command(epilog=EPILOG)
+@click.argument("file", type=FILE)
+@width_option(required=True, help=HELP)
 @reading_options
 def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
     """Plan how long to record for intervals of a width, from a pilot of 10 to 20 s.

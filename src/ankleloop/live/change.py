@@ -26,10 +26,9 @@ class Change(NamedTuple):
 
     def update(self, present: Change, memory: float) -> Change:
         """The last change, with the present power: this one, or the present one if it is another or shows it better."""
-        smallest = max(THRESHOLD, abs(self.score))
-        if present.since > self.since + memory:
-            smallest = THRESHOLD
-        if abs(present.score) > smallest:
+        is_other = present.since > self.since + memory
+        is_better = abs(present.score) > abs(self.score)
+        if abs(present.score) > THRESHOLD and (is_other or is_better):
             return present
         return self._replace(power=present.power)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,12 @@ from ankleloop.trials.channels import CHANNELS, TIME
 
 def find_free(path: Path) -> Path:
     """A path, with a number where there is such a file: nothing is replaced."""
-    numbered = (path.with_stem(f"{path.stem}-{number}") for number in count(2))
-    return next(other for other in chain([path], numbered) if not other.exists())
+    free = path
+    number = 1
+    while free.exists():
+        number += 1
+        free = path.with_stem(f"{path.stem}-{number}")
+    return free
 
 
 class Record(ExitStack):

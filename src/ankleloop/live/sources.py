@@ -29,8 +29,8 @@ WAIT = 0.1  # s for new samples
 SEARCH = 60.0  # s, until there is a stream
 FIRST_LINES = 100  # of a table, which tell its rate
 MOST_SAMPLES = 10_000  # of a stream at a time
-GAP = 0.05  # s between stamps: less is jitter
-FOLLOWING = 5.0  # s in which times follow the stamps
+# Of stamps: jitter [s] of a stream that begins, by how many times of it a gap is beyond, and how fast [s] times follow.
+JITTER, BEYOND, FOLLOWING = 0.002, 3.0, 5.0
 
 # Position [rad], torque [N·m], reference [rad] and, where the source has any, times [s] by name, each of shape (N,).
 Samples = dict[str, np.ndarray]
@@ -138,18 +138,23 @@ class SteadyClock:
 
     def __init__(self, rate: float) -> None:
         self._rate = rate
-        self._stamp = 0.0  # of the last sample [s]
-        self._time = 0.0  # of the last sample [s]
+        self._jitter = JITTER
+        self._next = -np.inf  # time of the next sample [s]
 
     def smooth(self, stamps: np.ndarray) -> np.ndarray:
         """Times of samples by their stamps, both of shape (N,)."""
-        steps = np.diff(stamps, prepend=self._stamp)
-        late = self._stamp - self._time
-        interval = (1.0 + late / FOLLOWING) / self._rate
-        times = self._time + np.cumsum(np.where(steps > GAP, steps, interval))
-        if times.size:
-            self._stamp = stamps[-1]
-            self._time = times[-1]
+        times = np.empty(stamps.size)
+        slow = 1.0 / (FOLLOWING * self._rate)
+        for number, stamp in enumerate(stamps.tolist()):
+            late = stamp - self._next
+            if abs(late) > max(0.5 / self._rate, BEYOND * self._jitter):
+                self._next = stamp
+                self._jitter += JITTER
+            else:
+                self._next += slow * late
+                self._jitter = max(abs(late), (1.0 - slow) * self._jitter)
+            times[number] = self._next
+            self._next += 1.0 / self._rate
         return times
 
 

