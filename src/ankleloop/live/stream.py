@@ -30,24 +30,23 @@ class Stream:
         samples = samples[:, np.isfinite(samples[0])]
         if not samples.size:
             return 0
-        stamps = samples[0]
-        is_continued = stamps[0] + self._offset > self._time - self._memory
+        first = samples[0, 0]
+        is_continued = first + self._offset > self._time - self._memory
         if not is_continued:  # the first stamps, or a clock that was set back
-            self._offset = self._time + 2.0 / self._rate - stamps[0]
-        times = stamps + self._offset
+            self._offset = self._time + 2.0 / self._rate - first
+        times = samples[0]
+        times += self._offset
         latest = np.maximum.accumulate(np.append(self._time, times))
         is_new = times > latest[:-1]
         is_complete = np.isfinite(samples).all(axis=0)
-        shifted = np.vstack([times, samples[1:]])
-        self._pieces.append(shifted[:, is_new & is_complete])
+        self._pieces.append(samples[:, is_new & is_complete])
         self._time = latest[-1]
         self._is_repeated |= not is_new.all()
         return np.sum(is_new)
 
     def take_window(self) -> tuple[float, np.ndarray, list[str]]:
         """Time at the end, the last samples that follow one another, and what is wrong with the stream."""
-        capacity = round(self._memory * self._rate)
-        samples = np.hstack(self._pieces)[:, -capacity:]
+        samples = np.hstack(self._pieces)[:, -round(self._memory * self._rate) :]
         self._pieces = [samples]
         warnings = []
         times = np.append(samples[0], self._time + 1.0 / self._rate)
@@ -70,8 +69,7 @@ def check_stream(samples: np.ndarray, rate: float) -> list[str]:
     if abs(measured - rate) > RATE_TOLERANCE * rate:
         warnings.append(f"samples come at {measured:.6g} Hz, and not at {rate:g} Hz.")
     for reference in references:
-        is_other = np.abs(reference - reference[-1]) > REST_SHARE * np.ptp(reference)
-        stopped = times[is_other].max(initial=times[0])
-        if times[-1] - stopped > REST:
-            warnings.append(f"the reference stands still since {stopped:.6g} s.")
+        last = reference[-round(REST * rate) :]
+        if np.ptp(last) < REST_SHARE * np.ptp(reference):
+            warnings.append(f"the reference has stood still for {REST:g} s or longer.")
     return warnings
