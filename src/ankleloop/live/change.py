@@ -35,8 +35,9 @@ class Change(NamedTuple):
 
 def compare(name: str, earlier: Mapping[str, float], later: Mapping[str, float]) -> Change:
     """Compare a parameter of two windows, by its values and the ends of its intervals."""
-    widths = [window[f"{name}_high"] - window[f"{name}_low"] for window in (earlier, later)]
-    error = np.hypot(*widths) / (2.0 * TWO_SIDED)
+    low, high = f"{name}_low", f"{name}_high"
+    width = np.hypot(earlier[high] - earlier[low], later[high] - later[low])
+    error = width / (2.0 * TWO_SIDED)
     score = (later[name] - earlier[name]) / error
     power = special.ndtr(STEP * abs(earlier[name]) / error - THRESHOLD)
     return Change(earlier["time"], earlier[name], later[name], float(score), float(power))
