@@ -33,7 +33,9 @@ OUTPUT = click.Path(dir_okay=False, path_type=Path)
 @click.argument("table", type=TABLE, required=False)
 @click.option("--lsl", metavar="NAME", help="A stream of the Lab Streaming Layer.")
 @partial(add_options, names=(*OPTIONS, "time", "sampling_rate"))
-@click.option("--memory", default=20.0, help="Longest window of an estimate [s], 20 by default.")
+@click.option(
+    "--memory", default=20.0, show_default=True, help="Longest window of an estimate [s]."
+)
 @width_option(
     default=["K=5%"],
     show_default=True,

@@ -26,7 +26,7 @@ class Change(NamedTuple):
 
     def update(self, present: Change, memory: float) -> Change:
         """The last change, with the present power: this one, or the present one if it is another or shows it better."""
-        is_other = present.since > self.since + memory
+        is_other = present.since > self.since + memory or present.score * self.score < 0.0
         is_better = abs(present.score) > abs(self.score)
         if abs(present.score) > THRESHOLD and (is_other or is_better):
             return present

@@ -250,9 +250,8 @@ class LiveEstimate:
         row: dict[str, Any] = {"time": end, "window": seconds, "failure": ""}
         try:
             estimate = self._identify(samples)
-            with suppress(
-                KeyError, *NUMERICAL_ERRORS
-            ):  # of the last seconds alone: nothing is compared
+            # Without an estimate of the last seconds alone, or its interval, nothing is compared.
+            with suppress(KeyError, *NUMERICAL_ERRORS):
                 self._find_changes(samples)
         except Exception as error:  # whatever it is, the recording goes on
             row["failure"] = describe_error(error)

@@ -39,7 +39,8 @@ class Record(ExitStack):
         for time, row in zip(times, rows, strict=True):
             if (time - self._last) * self._rate > LARGEST_STEP:
                 self.paths.append(find_free(self._path))
-                self._file = self.enter_context(open(self.paths[-1], "w", encoding="utf-8"))  # noqa: SIM115 # by `close`
+                file = open(self.paths[-1], "w", encoding="utf-8")  # noqa: SIM115 # closed by `close`
+                self._file = self.enter_context(file)
                 print("time_s,position_rad,torque_nm,reference_rad", file=self._file)
                 self._count = 0  # rows of the file
             print(self._count / self._rate, *row, sep=",", file=self._file)
