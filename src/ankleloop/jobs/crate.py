@@ -113,7 +113,7 @@ def _copy_sources(repository: Path, sources: Path) -> None:
         if origin.is_dir():
             ignored = shutil.ignore_patterns("__pycache__")
             shutil.copytree(origin, sources / name, ignore=ignored, dirs_exist_ok=True)
-        else:
+        elif origin.exists():  # a copy of the workflow may lack the lock
             shutil.copy2(origin, sources)
 
 

@@ -95,7 +95,8 @@ class StreamSource(Source):
         # Not `proc_dejitter`, which smooths gaps away, too.
         flags = self._lsl.proc_clocksync | self._lsl.proc_monotonize
         self._inlet = self._lsl.StreamInlet(found[0], processing_flags=flags, as_numpy=True)
-        info = self._inlet.info(timeout=10.0)
+        self._inlet.open_stream(timeout=SEARCH)
+        info = self._inlet.info(timeout=SEARCH)
         count = info.channel_count()
         labels = info.get_channel_labels() or map(str, range(count))
         units = info.get_channel_units() or [""] * count
@@ -125,6 +126,8 @@ class StreamSource(Source):
         while True:
             try:
                 rows, stamps = self._inlet.pull_chunk(WAIT, MOST_SAMPLES, min_samples=1)
+            except self._lsl.util.TimeoutError:
+                continue
             except self._lsl.util.LostError:
                 return
             yield {**self.take(rows), TIME: clock.smooth(stamps)}
