@@ -145,18 +145,22 @@ def judge(effect, size, methods, seed):
     return rows
 
 
-def measure_effects(parts=("",), methods=tuple(METHODS), seeds=24, jobs=2):
-    """Numbers of records by effect, size and method, and medians of the errors [%]; parts are of names of effects."""
+def measure_effects(parts=("",), methods=tuple(METHODS), seeds=24):
+    """Outcomes by effect, size and method, and medians of the errors of the first [%]; parts are of names of effects.
+
+    An outcome: records with a warning / right / silently wrong / with a warning although K, B and G are right.
+    """
     cases = []
     for effect, (sizes, *_) in EFFECTS.items():
         if any(part in effect for part in parts):
             cases += [(effect, size, methods, seed) for size in sizes for seed in range(seeds)]
-    with Pool(jobs) as pool:
+    with Pool() as pool:
         outcomes = pd.DataFrame(chain.from_iterable(pool.starmap(judge, cases)))
     groups = outcomes.groupby(["effect", "size", "method"], sort=False)
     counts = groups[["warned", "right", "silently wrong", "warned for nothing"]].sum()
-    medians = 100.0 * groups[list(TRUTHS)].median()
-    return format_table(counts.join(medians.map("{:+.0f}".format)).reset_index())
+    cells = counts.astype(str).agg(" / ".join, axis=1).unstack("method")[list(methods)]
+    medians = 100.0 * groups[list(TRUTHS)].median().xs(methods[0], level="method")
+    return format_table(cells.join(medians.map("{:+.0f}".format)).reset_index())
 
 
 def main():
@@ -165,7 +169,6 @@ def main():
     parser.add_argument("parts", nargs="*", default=[""], help="of names of effects; else all")
     parser.add_argument("--methods", nargs="+", default=list(METHODS))
     parser.add_argument("--seeds", type=int, default=24)
-    parser.add_argument("--jobs", type=int, default=2, help="processes")
     print(measure_effects(**vars(parser.parse_args())))
 
 
