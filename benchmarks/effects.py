@@ -168,7 +168,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", default=[""], help="of names of effects; else all")
     parser.add_argument("--methods", nargs="+", default=list(METHODS))
-    parser.add_argument("--seeds", type=int, default=24)
     print(measure_effects(**vars(parser.parse_args())))
 
 
