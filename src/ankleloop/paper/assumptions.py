@@ -60,7 +60,7 @@ def _judge(case: Case, means: pd.DataFrame) -> pd.Series:
     for listed in case.comparisons.values():
         difference = _find_mean(means, listed["mean"]) - listed.get("from", 0.0)
         if "less" in listed:
-            difference = difference - _find_mean(means, listed["less"])
+            difference -= _find_mean(means, listed["less"])
         low, high = case.find_accepted(listed)
         is_held &= difference.between(low, high)
     return is_held
