@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
-import ankleloop
 from ankleloop.errors import DataError
 from ankleloop.joint.model_fields import Stored, read_fields
 from ankleloop.trials.group_files import Fields
@@ -160,7 +160,7 @@ def read_basis(fields: Fields) -> Basis:
     kind = fields.text("basis")
     if kind not in BASES:
         raise DataError(
-            f"{fields.source}: the basis {kind!r} is unknown to ankleloop {ankleloop.__version__}: install the newest "
+            f"{fields.source}: the basis {kind!r} is unknown to ankleloop {version('ankleloop')}: install the newest "
             "one, or identify again."
         )
     return read_fields(BASES[kind], fields)

@@ -4,6 +4,7 @@ import re
 import signal
 import subprocess
 import sys
+from functools import partial
 
 import pandas as pd
 import pytest
@@ -15,7 +16,9 @@ WATCH = ["live", "--lsl", "ankleloop-demo", "--no-page", "--record", "record.csv
 
 def start(folder, *words):
     command = [sys.executable, "-u", "-m", "ankleloop", *words]
-    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
+    # A shell starts programs in the background with Ctrl+C ignored, and the tests may be one of them.
+    hear = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True, preexec_fn=hear)
 
 
 @pytest.mark.posix
