@@ -63,12 +63,12 @@ def write_crate(
         properties={"name": "Workflow of ankleloop", "license": LICENCE},
     )
     workflow["softwareRequirements"] = _add_program(crate, provenance)
-    for path in set(_list_files([sources])) - {sources / "Snakefile"}:
-        add_file(path)
+    copies = set(_list_files([sources])) - {sources / "Snakefile"}
+    entities = {path: add_file(path) for path in copies}
     configuration = folder / "configuration.json"  # with all defaults, and the seeds of the studies
     made = set(_list_files(results)) - {configuration, folder / METADATA}
     inputs = [add_file(configuration)]
-    inputs += [add_file(path) for path in _list_files([sources / PUBLISHED])]
+    inputs += [entities[path] for path in _list_files([sources / PUBLISHED])]
     for path in filter(Path.exists, map(Path, recordings)):
         properties = {"@type": "CreativeWork", **_describe_file(path, path.name)}
         inputs.append(crate.add_jsonld({"@id": f"#{properties['sha256']}", **properties}))

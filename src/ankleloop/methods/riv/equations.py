@@ -46,9 +46,8 @@ class Parameters:
     shift: float = 0.0  # delay of the reflex less that of the inputs [s]
     lag: float = 0.0  # lag of the torque channel behind the position [s]
     delays: tuple[str, ...] = ()  # those of "delay" and "torque_lag" that are unknowns
-    passive: bool = (
-        False  # whether the dynamics are no unknowns, as those of a joint without a reflex
-    )
+    # Whether the dynamics are no unknowns, as those of a joint without a reflex.
+    passive: bool = False
 
     @property
     def unknowns(self) -> tuple[str, ...]:
