@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby, product
+from itertools import product
 from types import MappingProxyType
 from typing import Any
 
@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis, XAxis
-from matplotlib.image import AxesImage
 
 from ankleloop.options import as_plain
 from ankleloop.plotting.panels import (
+    FAULT_RING,
     Panel,
     Styles,
     draw_panels,
@@ -35,15 +35,13 @@ LABEL_WIDTH = 22  # characters of a line of a label
 TITLES_WIDTH = 84  # characters of the titles of all maps in a row
 MAP_COLUMNS = 4
 LINES_HEIGHT = 38.0  # mm of a row of panels
+MOST_TICKS = 6  # values that are named side by side
 MAP_HEIGHT = 40.0  # mm of a row of maps
-MAP_NUMBERS = 22  # numbers or ticks side by side in all maps of a row
 # %, beyond which a value says no more than that it is lost.
 BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}
 FAR = 3.0  # distance from 80 % of the values over their range, from which on a value does not set an axis
-DARK = 0.5  # lightness of a cell from which on its number is black
 NO_WORDS: Mapping[Any, str] = MappingProxyType({})
 EMPTY_COLOUR = "#d5d5d5"  # of cells without a mean
-CELL_TEXT: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.0}
 COLOUR_BAR: dict[str, Any] = {"aspect": 22, "pad": 0.02, "format": "{x:g}", "extend": "both"}
 
 
@@ -112,15 +110,15 @@ class SweepAxis:
         bins = pd.qcut(values, MOST_BINS, labels=False, duplicates="drop")
         return values.groupby(bins).transform("median")
 
-    def list_values(self, axis: Axis, room: int) -> None:
+    def list_values(self, axis: Axis) -> None:
         """Set label and ticks of an axis that has all values side by side; of many only some are named."""
-        is_abscissa = isinstance(axis, XAxis)
-        label = self.label if self.ordered else self.heading
-        axis.set_label_text(label if is_abscissa else textwrap.fill(label, LABEL_WIDTH))
-        step = -(-len(self.values) // room)
+        axis.set_label_text(
+            textwrap.fill(self.label if self.ordered else self.heading, LABEL_WIDTH)
+        )
+        step = -(-len(self.values) // MOST_TICKS)
         texts = [self.format(value) for value in self.values[::step]]
         axis.set_ticks(range(0, len(self.values), step), texts)
-        if is_abscissa and max(map(len, texts)) * len(texts) > 4 * room:
+        if isinstance(axis, XAxis) and len("".join(texts)) > LABEL_WIDTH:
             axis.set_tick_params(rotation=35)
 
 
@@ -187,7 +185,7 @@ def lines_figure(
     figure = draw_panels(pd.concat(parts), shown, styles, **options)
     for cell, rows, (panel, axis) in zip(figure.axes, parts, product(panels, axes), strict=True):
         if not axis.ordered:
-            axis.list_values(cell.xaxis, 6)
+            axis.list_values(cell.xaxis)
             cell.set_xlim(-0.5, len(axis.values) - 0.5)
         if panel.desired == "zero":
             cell.axhline(0.0, **REFERENCE_LINE, label="_zero")
@@ -199,71 +197,39 @@ def lines_figure(
 def maps_figure(
     table: pd.DataFrame, axes: tuple[SweepAxis, SweepAxis], panels: Sequence[SweepPanel]
 ) -> DataFigure:
-    """Means over two parameters: a row for each quantity, with a map for each method and for a difference of two.
+    """Means over two parameters: for each quantity a map of each method, and of a difference of two.
 
-    The table has a row for each `panel`, `series`, `x` and `y`, with `value` and `marked`. Cells have their means where
-    there is room, an asterisk where they are marked, and a cross where no trial has a value.
+    The table has a row for each `panel`, `series`, `x` and `y`, with `value` and `marked`. Cells without a mean are grey.
     """
-    maps = []
-    for _, group in groupby(panels, key=lambda panel: panel.quantity):
-        row = []
-        for panel in group:
-            rows = table[table["panel"] == panel.label]
-            row += [(panel, name) for name in rows["series"].unique()]
-        maps.append(row)
-    columns = min(MAP_COLUMNS, max(map(len, maps)), max(3, MAP_NUMBERS // len(axes[0].values)))
-    room = MAP_NUMBERS // columns
-    entries: list[tuple[SweepPanel, str] | None] = []
-    for row in maps:
-        entries += [*row, *[None] * (-len(row) % columns)]
-    figure = panel_grid(len(entries), columns, MAP_HEIGHT, sharex=True, sharey=True)
-    images: dict[SweepPanel, list[AxesImage]] = {}
-    for cell, entry in zip(figure.axes, entries, strict=True):
-        if entry is None:
-            cell.remove()
-            continue
-        panel, name = entry
-        rows = table[table["panel"] == panel.label]
-        colours = _choose_colours(rows["value"], panel)
-        image = _draw_map(cell, rows[rows["series"] == name], axes, colours, room)
-        images.setdefault(panel, []).append(image)
-        cell.set_title(textwrap.fill(name, TITLES_WIDTH // columns, break_on_hyphens=False))
-    for panel, drawn in images.items():
+    abscissa, ordinate = axes
+    maps = [
+        (panel, name, rows)
+        for panel in panels
+        for name, rows in table[table["panel"] == panel.label].groupby("series", sort=False)
+    ]
+    columns = min(MAP_COLUMNS, table["series"].nunique())
+    figure = panel_grid(len(maps), columns, MAP_HEIGHT, sharex=True, sharey=True)
+    cells: dict[SweepPanel, list[Axes]] = {}
+    for cell, (panel, name, rows) in zip(figure.axes, maps, strict=True):
+        x = abscissa.places(rows["x"])
+        y = ordinate.places(rows["y"])
+        means = np.full((len(ordinate.values), len(abscissa.values)), np.nan)
+        means[y, x] = rows["value"]
+        colours = _choose_colours(table[table["panel"] == panel.label]["value"], panel)
+        cell.imshow(means, origin="lower", aspect="auto", interpolation="nearest", **colours)
+        cell.set_facecolor(EMPTY_COLOUR)
+        if rows["marked"].any():
+            cell.plot(x[rows["marked"]], y[rows["marked"]], ls="", **FAULT_RING)
+        abscissa.list_values(cell.xaxis)
+        ordinate.list_values(cell.yaxis)
+        cell.set_title(textwrap.fill(str(name), TITLES_WIDTH // columns, break_on_hyphens=False))
+        cells.setdefault(panel, []).append(cell)
+    for panel, row in cells.items():
         label = textwrap.fill(panel.label, LABEL_WIDTH)
-        figure.colorbar(drawn[0], ax=[image.axes for image in drawn], label=label, **COLOUR_BAR)
-    data = table.assign(x_quantity=axes[0].label, y_quantity=axes[1].label)
+        figure.colorbar(row[0].images[0], ax=row, label=label, **COLOUR_BAR)
+    data = table.assign(x_quantity=abscissa.label, y_quantity=ordinate.label)
     figure.data = name_quantities(data, {panel.label: Panel(panel.label) for panel in panels})
     return finish(figure)
-
-
-def _draw_map(
-    cell: Axes,
-    rows: pd.DataFrame,
-    axes: tuple[SweepAxis, SweepAxis],
-    colours: dict[str, Any],
-    room: int,
-) -> AxesImage:
-    """Cells of a grid with their numbers, where there is room for so many side by side."""
-    abscissa, ordinate = axes
-    x = abscissa.places(rows["x"])
-    y = ordinate.places(rows["y"])
-    means = np.full((len(ordinate.values), len(abscissa.values)), np.nan)
-    means[y, x] = rows["value"]
-    image = cell.imshow(means, origin="lower", aspect="auto", interpolation="nearest", **colours)
-    cell.set_facecolor(EMPTY_COLOUR)
-    for column, row, mean, mark in zip(x, y, rows["value"], rows["marked"], strict=True):
-        text = f"{round(mean, 2):.3g}" if len(abscissa.values) <= room else ""
-        if mark:
-            text += "*"
-        lightness = np.dot(image.to_rgba(mean)[:3], (0.3, 0.6, 0.1))
-        colour = "white" if lightness <= DARK else "black"
-        if np.isnan(mean):
-            text = "×"
-            colour = "black"
-        cell.text(column, row, text, **CELL_TEXT, color=colour)
-    abscissa.list_values(cell.xaxis, room)
-    ordinate.list_values(cell.yaxis, 10)
-    return image
 
 
 def _choose_colours(means: pd.Series, panel: SweepPanel) -> dict[str, Any]:

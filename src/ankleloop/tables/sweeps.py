@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -31,8 +32,8 @@ BANDS = (
     "one condition; a mean over two conditions has none, as two do not tell how others would spread"
 )
 MARKS = (
-    f" A ring, or an asterisk: at least {100 * FAULT_SHARE:g} % of the trials of a mean failed, which it leaves out, "
-    "or came with a warning, which it holds. A cross: no trial has a value."
+    f" A ring: at least {100 * FAULT_SHARE:g} % of the trials of a mean failed, which it leaves out, or came with a "
+    "warning, which it holds. A cross, or a grey cell: no trial has a value."
 )
 
 Axes = tuple[SweepAxis, ...]
@@ -239,9 +240,11 @@ def summarise_effects(
 
 
 def draw_sweep(sweep: SweepStudy) -> CaptionedFigure:
-    """The picture of a sweep with its caption: lines over one axis, maps over two, a matrix of effects over more."""
+    """The picture of a sweep with its caption: maps over a grid of two parameters, else a column of lines for each."""
     if len(sweep.axes) == 2:
-        return draw_map(sweep)
+        places = sweep.trials[[axis.column for axis in sweep.axes]].drop_duplicates()
+        if 2 * len(places) >= math.prod(len(axis.values) for axis in sweep.axes):
+            return _draw_maps(sweep)
     binned = len(sweep.axes) > 1
     effects = [
         summarise_effects(sweep.trials, axis, sweep.quantities, binned=binned)
@@ -249,33 +252,26 @@ def draw_sweep(sweep: SweepStudy) -> CaptionedFigure:
     ]
     rows = sweep.label_rows(pd.concat(effects))
     figure = lines_figure(rows, sweep.axes, list(sweep.panels.values()), sweep.styles)
-    return figure, f"{_describe(sweep, sweep.axes)}; {BANDS}.{MARKS}"
+    return figure, f"{_describe(sweep)}; {BANDS}.{MARKS}"
 
 
-def draw_map(sweep: SweepStudy) -> CaptionedFigure:
-    """Maps over the first two axes of a sweep; a random design is binned."""
-    x, y = sweep.axes[:2]
+def _draw_maps(sweep: SweepStudy) -> CaptionedFigure:
+    """Maps over the axes of a sweep, which are two."""
+    x, y = sweep.axes
     table = sweep.trials.assign(x=sweep.trials[x.column], y=sweep.trials[y.column])
-    number_of_cells = len(x.values) * len(y.values)
-    if 2 * len(table[["x", "y"]].drop_duplicates()) < number_of_cells:  # no grid
-        table = table.assign(x=x.bin(table["x"]), y=y.bin(table["y"]))
-        x = replace(x, values=SweepAxis.of(x.name, x.label, table["x"]).values)
-        y = replace(y, values=SweepAxis.of(y.name, y.label, table["y"]).values)
     cells = sweep.label_rows(summarise_sweep(table, ["x", "y", "method"], sweep.quantities))
     panels = list(sweep.panels.values())
-    figure = maps_figure(cells, (x, y), panels)
-    described = _describe(sweep, sweep.axes[:2])
-    text = f"{described}. The ends of colour bars stand for all values beyond them."
+    text = f"{_describe(sweep)}. The ends of colour bars stand for all values beyond them."
     truths = [QUANTITIES[panel.quantity].symbol for panel in panels if panel.truth is not None]
     if truths:
         text += f" White is the true value of {', '.join(truths)}."
-    return figure, text + MARKS
+    return maps_figure(cells, (x, y), panels), text + MARKS
 
 
-def _describe(sweep: SweepStudy, axes: Sequence[SweepAxis]) -> str:
-    """What a picture over some parameters shows."""
-    others = [axis.heading for axis in sweep.parameters if axis not in axes]
-    text = f"Means over trials against {', '.join(axis.heading for axis in axes)}"
+def _describe(sweep: SweepStudy) -> str:
+    """What the picture of a sweep shows."""
+    others = [axis.heading for axis in sweep.parameters if axis not in sweep.axes]
+    text = f"Means over trials against {', '.join(axis.heading for axis in sweep.axes)}"
     if others:
         text += f"; each is over all values of {', '.join(others)}"
     if sweep.difference:
