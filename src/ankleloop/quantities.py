@@ -80,7 +80,6 @@ _TRAJECTORY: dict[str, tuple[str, str, Goal]] = {
     "nrmse": ("error of", "%", "low"),
     "bias": ("bias of", "%", "zero"),
     "covered": ("covered by the band of", "%", None),
-    "rise": ("rise time of", "s", None),
 }
 TRAJECTORY_SCORES = {
     f"{name}_{score}": _number(f"{words} {name}(·)", unit, goal)

@@ -17,7 +17,6 @@ from bad_inputs.inputs import (
     csv_text,
     cut_off,
     mat_file,
-    missing,
     text_file,
 )
 
@@ -110,13 +109,6 @@ ROWS = [
         "the file exists already",
         "next: ankleloop identify",
         "--overwrite",
-    ),
-    row(
-        "an unknown setting",
-        missing("a.yaml"),
-        "study --sweep reflexgain",
-        USAGE,
-        "no setting 'reflexgain'",
     ),
     row("a case of a table", csv_file(), "check --case 1", DATA, "case chooses a trial of an .flb"),
     row(

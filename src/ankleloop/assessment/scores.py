@@ -41,8 +41,6 @@ TORQUE_TRUTHS = ("torque_intrinsic", "torque_reflex", "torque_noise")
 # By the setting `variation`.
 COURSE_DIMENSIONS = {"cycle": "phase", "time": "time", "schedule": "schedule"}
 SCORED_PLACES = 101  # at which parameters that an estimate takes as constant are scored
-RISE_LEVELS = (0.1, 0.9)  # shares of a step between which its rise is timed
-JUMP_SHARE = 0.5  # of the range of a trajectory: it jumps if so much lies between two places
 
 
 def evaluate(
@@ -292,9 +290,6 @@ def score_trajectories(trial: xr.Dataset | PreparedTrial, estimate: Estimate) ->
         curve, *band = (np.broadcast_to(values[variable], truth.shape) for variable in names)
         for score, value in _score(truth.values, curve, *band).items():
             row[f"{name}_{score}"] = value
-        rise = _mean_rise(truth, curve, prepared.trial.attrs)
-        if np.isfinite(rise):
-            row[f"{name}_rise"] = rise
     return row
 
 
@@ -314,42 +309,3 @@ def _score(truth: np.ndarray, curve: np.ndarray, *band: np.ndarray) -> dict[str,
         covered = (low <= truth) & (truth <= high)
         row["covered"] = 100.0 * float(np.mean(covered[shown]))
     return row
-
-
-def _mean_rise(truth: xr.DataArray, curve: np.ndarray, settings: Mapping[str, object]) -> float:
-    """Mean time from 10 to 90 % of the steps of a square wave [s]; nan where there is none, or the curve misses one."""
-    (dimension,) = truth.dims
-    if settings.get("variation_shape") != "square" or dimension == "schedule":
-        return np.nan
-    values = truth.values
-    interval = float(truth[dimension][1] - truth[dimension][0])
-    if dimension == "phase":  # the last place of a cycle is the first one
-        values = values[:-1]
-        curve = curve[:-1]
-        interval *= float(str(settings["cycle_duration"]))
-    steps = np.roll(values, -1) - values
-    quarter = values.size // 4  # half of the distance of two steps
-    rises = []
-    for jump in np.flatnonzero(np.abs(steps) > JUMP_SHARE * np.ptp(values)):
-        around = np.roll(curve, quarter - jump)[: 2 * quarter]
-        rises.append(interval * _rise((around - values[jump]) / steps[jump]))
-    return float(np.mean(rises)) if rises else np.nan
-
-
-def _rise(share: np.ndarray) -> float:
-    """Distance between the places at which a step from 0 to 1 passes 10 % for the last and 90 % for the first time."""
-    low, high = RISE_LEVELS
-    middles = np.flatnonzero(np.diff(share >= 0.5))
-    if middles.size == 0 or not np.isfinite(share).all():
-        return np.nan
-    middle = middles[np.argmin(np.abs(middles - share.size // 2))]
-    below = np.flatnonzero(share[: middle + 1] <= low)
-    above = np.flatnonzero(share[middle + 1 :] >= high)
-    if below.size == 0 or above.size == 0:
-        return np.nan
-    return _crossing(share, above[0] + middle, high) - _crossing(share, below[-1], low)
-
-
-def _crossing(share: np.ndarray, place: int, level: float) -> float:
-    """Where the line from a place to the next one passes a level."""
-    return float(np.interp(level, share[place : place + 2], [place, place + 1]))

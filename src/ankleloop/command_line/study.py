@@ -1,4 +1,4 @@
-"""`ankleloop study`: a configuration for the user's own recordings, or for a sweep."""
+"""`ankleloop study`: a configuration for the user's own recordings."""
 
 from __future__ import annotations
 
@@ -13,14 +13,12 @@ import click
 
 from ankleloop.command_line.check import check_file
 from ankleloop.command_line.naming import map_recordings, names_option
-from ankleloop.command_line.reading import FILE, list_choices, name_recording, reading_options
+from ankleloop.command_line.reading import FILE, name_recording, reading_options
 from ankleloop.command_line.terminal import echo, join_words, refuse_existing, show_next
-from ankleloop.options import suggest_name
 
 Values = dict[str, Any]  # by name
 
 ALWAYS = {"position", "torque", "reference", "position_unit", "sampling_rate", "torque_sign"}
-FACTORS = (0.5, 1.0, 2.0)  # of the default, for the values of a sweep
 HEADER = """\
 # Written by `ankleloop study`. Look through it, then run it in the folder of the repository:
 #   snakemake --cores 2 --configfile {file}
@@ -29,36 +27,26 @@ EPILOG = """\b
 Examples:
   ankleloop study my-recordings.yaml S1.mat S2.mat
   ankleloop study my-recordings.yaml data/*.csv --position-unit deg --names '{subject}_{condition}'
-  ankleloop study my-sweep.yaml --sweep reflex_gain --sweep voluntary
 """
 
 
 @click.command(epilog=EPILOG)
 @click.argument("new", metavar="NEW.yaml", type=click.Path(dir_okay=False, path_type=Path))
-@click.argument("files", nargs=-1, metavar="[FILE]...", type=FILE)
-@click.option(
-    "--sweep",
-    "varied",
-    multiple=True,
-    metavar="SETTING",
-    help="Setting of the simulation that varies.",
-)
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=FILE)
 @click.option("--overwrite", is_flag=True, help="Replace the file NEW.yaml.")
 @names_option
 @reading_options
 def study(
     new: Path,
     files: tuple[Path, ...],
-    varied: tuple[str, ...],
     overwrite: bool,
     names: str | None,
     **values: Any,
 ) -> int:
-    """Write a configuration of a study, for the workflow.
+    """Write a configuration of a study of recordings, for the workflow.
 
-    With FILEs it is a study of these recordings: each file is read and checked, and the configuration has its names,
-    units and signs, and in comments what the check has found. With --sweep it is a sweep over settings of the
-    simulation. Options for reading concern all files.
+    Each file is read and checked, and the configuration has its names, units and signs, and in comments what the check
+    has found. Options for reading concern all files.
     """
     import yaml
 
@@ -66,17 +54,13 @@ def study(
     from ankleloop.config.run import read_run
     from ankleloop.trials.files import atomic_file
 
-    if bool(files) == bool(varied):
-        raise click.UsageError("name either the files of recordings, or settings by --sweep.")
     if new.suffix not in (".yaml", ".yml"):
         raise click.UsageError(f"{new}: the name of a configuration ends in .yaml.")
     if not overwrite:
         refuse_existing([new])
     # The only study of a file has the name of the file, so that no other study has its results.
     name = name_recording(new).replace(".", "-")
-    settings, remarks = (
-        _describe_recordings(files, names, values) if files else (_describe_sweep(varied), [])
-    )
+    settings, remarks = _describe_recordings(files, names, values)
     config = {"run": [name], "article": [], "studies": {name: settings}}
     try:
         read_run(config, [])
@@ -152,46 +136,3 @@ def _suggest_labels(files: Sequence[Path]) -> list[str]:
         return []
     labels = [f"{file.name}: {read_labels(file, names)}" for file in files]
     return [f"The names suggest labels, which --names '{names}' would write:", *labels]
-
-
-def _describe_sweep(varied: Sequence[str]) -> Values:
-    """Settings of a sweep."""
-    # K, B and G vary with something then.
-    is_varying = any(name.endswith("_variation") for name in varied)
-    return {
-        "kind": "simulation",
-        "notebook": "sweep",
-        "title": "Sweep over " + " and ".join(varied).replace("_", " "),
-        "trials": 5,
-        "seed": 1,
-        "keep": "scores",
-        "points": {name: _propose_values(name) for name in varied},
-        "simulation": {"duration": 20.0} | ({"variation": "cycle"} if is_varying else {}),
-        "methods": {
-            "riv": {"label": "Refined instrumental variables", "method": "riv"},
-            "pr-moesp": {"label": "PR-MOESP", "method": "pr-moesp"},
-        },
-    }
-
-
-def _propose_values(name: str) -> list[Any]:
-    """Values of a setting about its default."""
-    from ankleloop.simulation.settings import SimulationSettings
-
-    fields = SimulationSettings.model_fields
-    if name not in fields:
-        known = ", ".join(fields)
-        raise click.UsageError(
-            f"--sweep: there is no setting {name!r}{suggest_name(name, fields)}; there are {known}."
-        )
-    default = fields[name].get_default()
-    choices = list_choices(fields[name])
-    if isinstance(default, bool):
-        return [True, False]
-    if choices or default == 0.0:
-        return choices or [0.0, 0.1]
-    if default is None:
-        raise click.UsageError(
-            f"--sweep: {name} has no default to vary: write its values into the file of a sweep."
-        )
-    return [factor * default for factor in FACTORS]

@@ -59,9 +59,7 @@ class ConditionalFigure(Options):
     """A figure that is drawn where a study has what it shows."""
 
     caption: str = option(description="what it shows")
-    has: Literal["singular values", "three parameters", "conditions"] = option(
-        description="what a study has"
-    )
+    has: Literal["singular values", "conditions"] = option(description="what a study has")
 
 
 class Notebook(Options):
@@ -95,14 +93,10 @@ def list_figures(study: Study, notebook: Notebook | None) -> dict[str, str]:
     """Captions of the figures that a notebook draws of a study, by name."""
     if notebook is None:
         return {}
-    varied = study.varied
-    if isinstance(study, SimulatedStudy):
-        varied = study.settings.sweep.axes or varied
     has = {
         "singular values": any(
             method.method.endswith("moesp") for method in study.methods.values()
         ),
-        "three parameters": len(varied) > 2,
         "conditions": _has_conditions(study),
     }
     more = {name: part.caption for name, part in notebook.conditional.items() if has[part.has]}

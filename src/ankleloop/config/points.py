@@ -1,4 +1,4 @@
-"""Points of a study: combinations of settings of the simulation and options of methods, from grids, designs, tables.
+"""Points of a study: combinations of settings of the simulation and options of methods, from grids, lists, designs.
 
 A point whose settings another one has as well shares its trials: the settings alone are its condition.
 """
@@ -15,14 +15,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ankleloop.config.checking import (
-    ConfigError,
     Values,
-    cast_number,
     check,
-    expand_path,
     find_kind,
     key_error,
-    read_rows,
 )
 from ankleloop.options import Options, option, show_value, suggest_name
 from ankleloop.simulation.settings import LOAD_SETTINGS, SimulationSettings
@@ -32,14 +28,13 @@ LOAD = "load"  # as `simulate` has it
 SIMULATION = ""  # owner of the settings, beside the methods, which own their options
 MAX_POINTS = 100_000  # of a grid
 DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a design have half of them
-WORDS = {"null": None, "true": True, "false": False}  # in tables
 
 Place = tuple[str, ...]
 Methods = Mapping[str, Any]  # `config.settings.MethodSettings` by the names of methods in the study
 Parameters = dict[str, "Parameter"]
 Conditions = dict[str, Values]  # all settings of each
 Points = tuple[list["Point"], Conditions, Parameters]
-Combination = tuple[str, Mapping[str, Any]]  # where it stands, if in a table, and values by column
+Combination = Mapping[str, Any]  # values by column
 
 
 class _Limits(Options):
@@ -110,14 +105,6 @@ class Design(Options):
     )
 
 
-class PointTable(Options):
-    """A table of points."""
-
-    table: str = option(
-        description="CSV file with a row for each point and a column for each parameter"
-    )
-
-
 class Parameter(NamedTuple):
     """What a name in `points` stands for, which is also the name of its column in tables."""
 
@@ -149,14 +136,15 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
     owners = {SIMULATION: shared, **{name: method.options for name, method in methods.items()}}
     points: dict[tuple[Any, ...], Point] = {}
     conditions: Conditions = {}
-    for row, given in combinations:
-        where = [row] if row else ["config", *place]
+    for given in combinations:
         models = {}
         for owner, base in owners.items():
             values = _values_of(owner, parameters, given)
             complete = base.model_dump(exclude_unset=True) | values
             owner_place = [owner] if owner else []
-            models[owner] = check(type(base), complete, *where, point_name(given), *owner_place)
+            models[owner] = check(
+                type(base), complete, "config", *place, point_name(given), *owner_place
+            )
         values = {
             name: _find_value(parameter, models, given.get(name))
             for name, parameter in parameters.items()
@@ -171,9 +159,7 @@ def list_points(study: str, entry: Any, shared: SimulationSettings, methods: Met
             options={name: own for name, own in options.items() if own},
         )
         if points.setdefault(tuple(values.values()), point) is not point:
-            raise ConfigError(
-                f"{' → '.join(where)}: the point {point.name} is listed twice.", place
-            )
+            raise key_error(place, f"the point {point.name} is listed twice.")
         conditions.setdefault(point.condition, dict(shared) | settings)
     return list(points.values()), conditions, parameters
 
@@ -200,17 +186,6 @@ def _list_combinations(
 ) -> tuple[Parameters, Iterable[Combination]]:
     """What varies, and its values at each point, from any form of the key `points`."""
     is_mapping = isinstance(entry, Mapping)
-    if is_mapping and "table" in entry:
-        table = check(PointTable, entry, "config", *place).table
-        rows = list(read_rows(expand_path(table, f"study {place[1]}: the table of its points")))
-        if not rows:
-            raise key_error(place, f"the table {table} has no rows.")
-        _, columns = rows[0]
-        parameters = find_parameters(place, columns, methods)
-        return parameters, [
-            (row, {name: _cast(parameters[name], cell) for name, cell in cells.items()})
-            for row, cells in rows
-        ]
     if is_mapping and "design" in entry:
         design: Design = check(Design, entry, "config", *place)
         parameters = find_parameters(place, design.parameters, methods)
@@ -240,7 +215,7 @@ def _list_combinations(
         )
     chosen = itertools.chain(*(itertools.product(*choices) for choices in lists))
     return parameters, (
-        ("", {name: value for part in parts for name, value in part.items()}) for parts in chosen
+        {name: value for part in parts for name, value in part.items()} for parts in chosen
     )
 
 
@@ -269,13 +244,6 @@ def _list_choices(
     ]
 
 
-def _cast(parameter: Parameter, value: str) -> Any:
-    """A cell as the type of its column; text that is none stays text, which the model refuses."""
-    if parameter.kind == "text":
-        return None if value == "null" else value
-    return WORDS.get(value.lower(), cast_number(value))
-
-
 def _draw_points(design: Design, parameters: Parameters, place: Place) -> list[Combination]:
     """Points of a random design."""
     from scipy.stats import qmc
@@ -286,7 +254,7 @@ def _draw_points(design: Design, parameters: Parameters, place: Place) -> list[C
         _draw_values(parameters[name], values, (*place, name), column)
         for (name, values), column in zip(design.parameters.items(), shares.T.tolist(), strict=True)
     ]
-    return [("", dict(zip(parameters, row, strict=True))) for row in zip(*columns, strict=True)]
+    return [dict(zip(parameters, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def _list_values(parameter: Parameter, values: Any, place: Place) -> list[Any]:

@@ -199,7 +199,7 @@ def maps_figure(
 ) -> DataFigure:
     """Means over two parameters: for each quantity a map of each method, and of a difference of two.
 
-    The table has a row for each `panel`, `series`, `x` and `y`, with `value` and `marked`. Cells without a mean are grey.
+    The table has a row for each `panel`, `series`, `x` and `y`, with `value` and `marked`. Grey cells have no mean.
     """
     abscissa, ordinate = axes
     maps = [

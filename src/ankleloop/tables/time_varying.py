@@ -107,9 +107,9 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
     for (point, method), part in details.groupby(keys, sort=False):
         for name in names:
             row = {"point": point, "method": method, "parameter": name}
-            scores = [f"{name}_{score}" for score in (*TRAJECTORY_SCORES.values(), "rise")]
+            scores = [f"{name}_{score}" for score in TRAJECTORY_SCORES.values()]
             statistics = measure_statistics(part, keys, scores)
-            *means, rise = statistics[["mean", "margin"]].to_numpy()
+            means = statistics[["mean", "margin"]].to_numpy()
             for column, (mean, margin) in zip(TRAJECTORY_SCORES, means, strict=True):
                 row |= {column: mean, f"{column}_margin": margin}
             curve = curves.get((point, method, name), averages.head(0))
@@ -117,7 +117,7 @@ def measure_trajectories(details: pd.DataFrame, averages: pd.DataFrame) -> pd.Da
             bias = scale * _root_mean_square(curve["mean"] - curve["truth"])
             random = scale * _root_mean_square(curve["sd"])
             row |= {"bias": bias, "random": random, "total": np.hypot(bias, random)}
-            rows.append({**row, "rise": rise[0]})
+            rows.append(row)
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), how="left", on=keys)
 
 

@@ -38,10 +38,6 @@ def smooth(place):
     return 100.0 + 50.0 * np.sin(2 * np.pi * place)
 
 
-def square(place):
-    return np.where(place % 1.0 < 0.5, 100.0, 200.0)
-
-
 def test_error_bias_and_coverage_are_those_of_the_definition():
     error = 4.0 + 3.0 * np.cos(2 * np.pi * 5 * PLACES[:-1])
     estimate = make_estimate(smooth(PLACES[:-1]) + error, margin=4.5, places=PLACES[:-1])
@@ -49,23 +45,6 @@ def test_error_bias_and_coverage_are_those_of_the_definition():
     assert row["K_bias"] == pytest.approx(4.0, abs=0.01)
     assert row["K_nrmse"] == pytest.approx(np.sqrt(4.0**2 + 0.5 * 3.0**2), abs=0.01)
     assert row["K_covered"] == pytest.approx(100.0 * np.mean(error <= 4.5), abs=1.1)
-
-
-@pytest.mark.parametrize("shift", [0.0, 0.13, 0.25, 0.5])
-def test_rise_time_over_the_cycle_is_the_mean_of_both_steps_wherever_they_are(shift):
-    places = np.linspace(0.0, 1.0, 501)
-    trial = make_trial(lambda place: square(place - shift), variation_shape="square")
-    corners = np.array([0.0, 0.05, 0.45, 0.55, 0.95, 1.0])
-    curve = np.interp((places - shift) % 1.0, corners, [150.0, 100.0, 100.0, 200.0, 200.0, 150.0])
-    row = score_trajectories(trial, make_estimate(curve, places=places))
-    assert row["K_rise"] == pytest.approx(0.8 * 0.1 * 2.0, rel=0.01)
-
-
-def test_rise_time_needs_a_square_wave_and_a_curve_that_follows_it():
-    ramp = np.interp(PLACES, [0.0, 0.4, 0.6, 1.0], [100.0, 100.0, 200.0, 200.0])
-    assert "K_rise" not in score_trajectories(make_trial(smooth), make_estimate(ramp))
-    trial = make_trial(square, variation_shape="square")
-    assert "K_rise" not in score_trajectories(trial, make_estimate(np.full(101, 150.0)))
 
 
 def test_trajectories_over_something_else_and_constant_joints_have_no_scores():

@@ -485,17 +485,6 @@ def test_study_of_recordings_with_and_without_a_reference(run, trial, tmp_path):
     assert set(study.methods) == {*names, *(f"{key}-no-reference" for key in names[:3])}
 
 
-@pytest.mark.parametrize(
-    "setting", ["stiffness_variation", "perturbation", "closed_loop", "recording_rate", "voluntary"]
-)
-def test_study_of_a_sweep(run, tmp_path, setting):
-    new = tmp_path / "new.yaml"
-    assert run("study", new, "--sweep", setting).status == 0
-    study = read_run(yaml.safe_load(new.read_text(encoding="utf-8")), [new])[1]["new"]
-    assert study.varied == [setting]
-    assert 2 <= len(study.points) <= 3
-
-
 def test_a_full_disk_leaves_the_results_of_an_earlier_run(run, recording, tmp_path, monkeypatch):
     """A lack of space in the folder of temporary files is no verdict on the recording."""
     folder = tmp_path / "results"

@@ -66,9 +66,6 @@ def test_steps_have_no_bound_and_need_none():
 
 
 def test_a_figure_is_listed_where_a_study_has_what_it_shows():
-    points = {"voluntary": [0.1, 0.5], "reflex_gain": [5.0, 9.0], "zeta": [0.7, 1.0]}
-    figures = [list_figures(study, NOTEBOOKS["sweep"]) for study in (read(), read(points=points))]
-    assert [list(captions) for captions in figures] == [["sweep"], ["sweep", "map"]]
     moesp = {"methods": {"pr": {"method": "pr-moesp"}}}
     assert list(list_figures(read(), NOTEBOOKS["table1"])) == ["figure3"]
     assert list(list_figures(read(**moesp), NOTEBOOKS["table1"])) == ["figure3", "order"]

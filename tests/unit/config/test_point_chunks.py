@@ -80,16 +80,11 @@ def jobs(study):
 
 
 @pytest.mark.parametrize("keep", ["everything", "scores"])
-def test_an_edited_row_changes_its_chunk_alone(tmp_path, keep):
-    rows = [f"{8 + 0.01 * k:.2f},{10 + k % 7}" for k in range(200)]
-
-    def read(rows):
-        (tmp_path / "sweep.csv").write_text("\n".join(["reflex_gain,block_rows", *rows]) + "\n")
-        return jobs(sweep(points={"table": str(tmp_path / "sweep.csv")}, keep=keep, trials=50))
-
-    before = read(rows)
-    rows[77] = "20.0,15"
-    after = read(rows)
+def test_an_edited_point_changes_its_chunk_alone(keep):
+    points = [{"reflex_gain": 8 + 0.01 * k, "block_rows": 10 + k % 7} for k in range(200)]
+    before = jobs(sweep(points=points, keep=keep, trials=50))
+    points[77] = {"reflex_gain": 20.0, "block_rows": 15}
+    after = jobs(sweep(points=points, keep=keep, trials=50))
     changed = [k for k, (old, new) in enumerate(zip(before, after, strict=True)) if old != new]
     assert len(before) > 5
     assert len(changed) == 1

@@ -1,4 +1,4 @@
-"""Points: names, ranges, designs, tables; conditions; what is refused."""
+"""Points: names, ranges, designs, lists; conditions; what is refused."""
 
 import numpy as np
 import pandas as pd
@@ -125,44 +125,18 @@ def test_designs_fill_every_margin_evenly():
     assert set(table["perturbation"].value_counts()) == {32}
 
 
-def test_a_table_has_a_row_for_each_point(tmp_path):
-    rows = "reflex_gain,snr_db,closed_loop,pr.basis,block_rows\n8,10,true,rectifier,12\n\n12.5,null,False,null,18\n"
-    (tmp_path / "sweep.csv").write_text(rows)
-    points = read({"table": str(tmp_path / "sweep.csv")})
+def test_a_list_has_an_entry_for_each_point():
+    points = read(
+        [
+            {"reflex_gain": 8, "snr_db": 10, "closed_loop": True, "pr.basis": "rectifier"},
+            {"reflex_gain": 12.5, "snr_db": None, "closed_loop": False, "pr.basis": None},
+        ]
+    )
     expected = [
-        {
-            "reflex_gain": 8.0,
-            "snr_db": 10.0,
-            "closed_loop": True,
-            "pr.basis": "rectifier",
-            "block_rows": 12,
-        },
-        {
-            "reflex_gain": 12.5,
-            "snr_db": None,
-            "closed_loop": False,
-            "pr.basis": None,
-            "block_rows": 18,
-        },
+        {"reflex_gain": 8.0, "snr_db": 10.0, "closed_loop": True, "pr.basis": "rectifier"},
+        {"reflex_gain": 12.5, "snr_db": None, "closed_loop": False, "pr.basis": None},
     ]
     assert [point.values for point in points] == expected
-
-
-def test_the_message_about_a_table_names_row_and_column(tmp_path):
-    path = tmp_path / "sweep.csv"
-    for text, message in (
-        (
-            "reflex_gain,voluntary\n8,0\n9,-1\n",
-            r"sweep\.csv, line 3 → .* → voluntary: .*between 0.*got -1",
-        ),
-        (
-            "reflex_gain,block_rows\n8,12\n9,12.5\n",
-            r"sweep\.csv, line 3 → .* → pr → block_rows: .*whole number",
-        ),
-    ):
-        path.write_text(text)
-        with pytest.raises(ConfigError, match=message):
-            read({"table": str(path)})
 
 
 @pytest.mark.parametrize(
