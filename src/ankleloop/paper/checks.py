@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
-from scipy import stats
 
 from ankleloop.paper import judgement
 from ankleloop.paper.judgement import Comparison, Mean, Measurement, Quantity, Range, judge
@@ -31,7 +30,6 @@ VAF_COLUMNS = {
 CASCADE_ONCE = "parallel-cascade-one-pass"
 CASCADE_CONVERGED = "parallel-cascade"
 DRAWN = "assumptions"  # study of settings that are drawn at random
-REPLICATES = 2000  # of the bootstrap
 MOST_RESULTS = 8  # of comparisons that a reason lists; of more it has the decisive one
 NEARLY_ALL = 90.0  # % VAF: from here on what is left unexplained tells more than the VAF
 
@@ -243,60 +241,6 @@ def check_figure4_pr(case: Case) -> Row:
     return case.compare("mean VAF [%]", comparisons)
 
 
-def check_figure4_cascade_falls(case: Case) -> Row:
-    """The intrinsic VAF of one pass of the parallel cascade falls with the gain: rank correlation with its interval."""
-    gains = case.settings["reflex_gain"]
-    trials = {
-        gain: case.values("figure4", "intrinsic", CASCADE_ONCE, reflex_gain=gain).to_numpy()
-        for gain in gains
-    }
-    remark = f"from {trials[gains[0]].mean():.1f} to {trials[gains[-1]].mean():.1f} % over {len(gains)} gains"
-    correlation = bootstrap_rank_correlation(trials)
-    comparison = Comparison("", correlation, case.within, case.claim.paper)
-    return case.compare("rank correlation of gain and intrinsic VAF", [comparison], remark)
-
-
-def bootstrap_rank_correlation(trials: Mapping[float, np.ndarray]) -> Measurement:
-    """Spearman's rank correlation of gains with their means over trials, and its interval by bootstrap.
-
-    The percentile interval is extended to the correlation itself. Means of samples drawn from trials have the noise of
-    the trials twice, and a rank correlation suffers from noise: its replicates may all be closer to zero than itself.
-    They show then that it is uncertain, and not that it is wrong.
-    """
-    samples = list(trials.values())
-    gain_ranks = stats.rankdata(list(trials))
-
-    def correlate(*drawn: np.ndarray, axis: int) -> np.ndarray:
-        """Spearman's rank correlation for each draw of the samples; nan where all means are equal."""
-        means = np.stack([values.mean(axis=axis) for values in drawn], axis=-1)
-        with np.errstate(invalid="ignore"):
-            return np.corrcoef(gain_ranks, stats.rankdata(means, axis=-1))[0, 1:]
-
-    value = float(correlate(*samples, axis=-1)[0])
-    if min(map(np.size, samples)) < 2:
-        return Measurement(value)
-    low, high = stats.bootstrap(
-        samples,
-        correlate,
-        n_resamples=REPLICATES,
-        confidence_level=judgement.LEVEL,
-        method="percentile",
-        rng=np.random.default_rng(0),
-    ).confidence_interval
-    return Measurement(value, float(min(low, value)), float(max(high, value)))
-
-
-def check_figure4_cause(case: Case) -> Row:
-    """The converged parallel cascade is biased on the same closed-loop trials, too."""
-    first, last = (
-        case.mean("figure4", "intrinsic", method) for method in (CASCADE_ONCE, CASCADE_CONVERGED)
-    )
-    passes = case.values("figure4", "passes", CASCADE_CONVERGED).mean()
-    remark = f"after {passes:.0f} passes on average; {first.value:.4g} % after one pass on the same closed-loop trials"
-    comparison = Comparison("", last, case.below, 100.0)
-    return case.compare("intrinsic VAF of the converged cascade [%]", [comparison], remark)
-
-
 def check_columns(case: Case, method: str) -> Row:
     """Columns of instruments, which follow from the definition of a method."""
     rows = case.measurement(f"{method}_instrument_rows").value
@@ -332,21 +276,6 @@ def check_drawn(case: Case, quantity: str, low: str, high: str) -> Row:
     ours = case.measurement(f"{DRAWN}/{quantity}")
     comparison = Comparison("", ours, (float(low), float(high)))
     return case.compare(f"at the settings drawn [{case.claim.unit}]", [comparison])
-
-
-def check_unbiased(case: Case, method: str, variant: str = "") -> Row:
-    """K is right in closed loop at every level of voluntary torque; a variant of the method is mentioned."""
-    comparisons = []
-    texts = []
-    for level in case.settings["voluntary"]:
-        own = {"voluntary": level, "closed_loop": True}
-        error = case.mean("voluntary", "K_error", method, **own)
-        label = f"{100 * level:g} % voluntary torque"
-        comparisons.append(Comparison(label, error, case.within))
-        if variant:
-            texts.append(describe_result(case.mean("voluntary", "K_error", variant, **own)))
-    remark = f"with instruments for B and D, too: {', '.join(texts)}" if variant else ""
-    return case.compare("error of K in closed loop [%]", comparisons, remark)
 
 
 def check_accurate(case: Case, *arms: str) -> Row:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ankleloop.paper.checks import bootstrap_rank_correlation, half_interval
+from ankleloop.paper.checks import half_interval
 from ankleloop.paper.judgement import (
     AT_TOLERANCE,
     LEVEL,
@@ -100,12 +100,3 @@ def test_the_difference_of_means_is_that_of_welch():
         (expected.low, expected.high)
     )
     assert all(map(math.isnan, (Mean.of(first) - Mean.of([1.0])).interval()))
-
-
-def test_rank_correlation_has_the_percentile_interval_of_its_bootstrap():
-    rng = np.random.default_rng(4)
-    falling = {float(gain): -gain + rng.normal(0.0, 1.0, 6) for gain in range(12)}
-    correlation = bootstrap_rank_correlation(falling)
-    means = [values.mean() for values in falling.values()]
-    assert correlation.value == pytest.approx(stats.spearmanr(list(falling), means).statistic)
-    assert -1.0 <= correlation.low <= correlation.value <= correlation.high < -0.9
