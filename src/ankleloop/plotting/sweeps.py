@@ -40,6 +40,7 @@ MAP_HEIGHT = 40.0  # mm of a row of maps
 # %, beyond which a value says no more than that it is lost.
 BOUNDS = {"high": (-100.0, 110.0), "zero": (-200.0, 200.0)}
 FAR = 3.0  # distance from 80 % of the values over their range, from which on a value does not set an axis
+FAULT_SPOT = {**FAULT_RING, "mfc": "white"}  # seen on every colour
 NO_WORDS: Mapping[Any, str] = MappingProxyType({})
 EMPTY_COLOUR = "#d5d5d5"  # of cells without a mean
 COLOUR_BAR: dict[str, Any] = {"aspect": 22, "pad": 0.02, "format": "{x:g}", "extend": "both"}
@@ -219,7 +220,7 @@ def maps_figure(
         cell.imshow(means, origin="lower", aspect="auto", interpolation="nearest", **colours)
         cell.set_facecolor(EMPTY_COLOUR)
         if rows["marked"].any():
-            cell.plot(x[rows["marked"]], y[rows["marked"]], ls="", **FAULT_RING)
+            cell.plot(x[rows["marked"]], y[rows["marked"]], ls="", **FAULT_SPOT)
         abscissa.list_values(cell.xaxis)
         ordinate.list_values(cell.yaxis)
         cell.set_title(textwrap.fill(str(name), TITLES_WIDTH // columns, break_on_hyphens=False))
