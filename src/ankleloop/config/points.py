@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from decimal import Decimal
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -70,27 +69,12 @@ class _Limits(Options):
 class ValueRange(_Limits):
     """Values between two limits, both of which belong to them."""
 
-    step: float | None = option(None, "difference between neighbours", gt=0)
-    count: int | None = option(None, "number of values, in place of a step", ge=2, le=MAX_POINTS)
-
-    @model_validator(mode="after")
-    def _check_step(self) -> Self:
-        if (self.step is None) == (self.count is None):
-            raise ValueError("has start, stop, and either step or count")
-        if self.step and self.scale == "logarithmic":
-            raise ValueError("a logarithmic range has a count in place of a step")
-        if self.step and (self.stop - self.start) / self.step >= MAX_POINTS:
-            raise ValueError(f"has more than {MAX_POINTS:,} values: use a larger step")
-        return self
+    count: int = option(description="number of values", ge=2, le=MAX_POINTS)
 
     @property
     def values(self) -> list[float]:
-        """The values, rounded to 12 significant digits; a step is counted as it is written, in decimals."""
-        if self.count:
-            return self.interpolate(np.linspace(0.0, 1.0, self.count).tolist(), DIGITS)
-        start, stop, step = (Decimal(repr(value)) for value in (self.start, self.stop, self.step))
-        count = int((stop - start) / step) + 1
-        return [float(start + number * step) for number in range(count)]
+        """The values, rounded to 12 significant digits."""
+        return self.interpolate(np.linspace(0.0, 1.0, self.count).tolist(), DIGITS)
 
 
 class Design(Options):
@@ -262,8 +246,7 @@ def _list_values(parameter: Parameter, values: Any, place: Place) -> list[Any]:
     limits = _check_values(parameter, values, place, ValueRange)
     if isinstance(limits, list):
         return limits
-    # A count need not hit whole numbers; a step that does not is a mistake, which the model of the option refuses.
-    if parameter.kind == "count" and limits.count:
+    if parameter.kind == "count":
         return [round(value) for value in limits.values]
     return limits.values
 

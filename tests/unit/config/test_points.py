@@ -89,9 +89,8 @@ def test_points_that_leave_a_parameter_out_have_the_shared_value():
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
-        ({"start": 0, "stop": 0.3, "step": 0.1}, [0.0, 0.1, 0.2, 0.3]),
-        ({"start": -0.1, "stop": 0.1, "step": 0.1}, [-0.1, 0.0, 0.1]),
-        ({"start": 10, "stop": 29, "step": 5}, [10.0, 15.0, 20.0, 25.0]),
+        ({"start": 0, "stop": 0.3, "count": 4}, [0.0, 0.1, 0.2, 0.3]),
+        ({"start": -0.1, "stop": 0.1, "count": 3}, [-0.1, 0.0, 0.1]),
         (
             {"start": 0.01, "stop": 100, "count": 5, "scale": "logarithmic"},
             [0.01, 0.1, 1.0, 10.0, 100.0],
@@ -151,7 +150,6 @@ def test_a_list_has_an_entry_for_each_point():
             {"reflex_gain": {"start": 2, "stop": 1, "count": 3}},
             r"stop must be at least start \(2\), got 1",
         ),
-        ({"reflex_gain": {"start": 0, "stop": 1, "step": 1e-7}}, "more than 100,000 values"),
         (
             [{"reflex_gain": 8}, {"reflex_gain": 8, "block_rows": 15}],
             "block_rows=15,reflex_gain=8.0 is listed twice",
