@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 from scipy.io import savemat
 
-from ankleloop.errors import DataError, UnstableLoopError
+from ankleloop.errors import DataError
 from ankleloop.experiments.experiment import (
     LONGEST_RECORD,
     LOST_TIME,
@@ -24,7 +24,6 @@ from ankleloop.experiments.experiment import (
 )
 from ankleloop.joint.estimate import Estimate
 from ankleloop.options import check_flag, check_integer, check_number, check_path
-from ankleloop.quantities import SETTINGS
 from ankleloop.simulation.settings import DWELL_TIMES
 from ankleloop.trials.files import atomic_file
 
@@ -39,8 +38,6 @@ PARENTS = 4
 SEQUENCES = 2
 SUM_SHARE = 0.05  # of the sum of the time ratios in the criterion, beside the largest of them
 LEAST_AMPLITUDE = 0.1  # of that which was asked for
-# Of K and G, downwards and upwards, for the range of the design.
-RANGE_FACTORS = ((0.8, 0.6, 0.4, 0.2), (1.25, 1.6, 2.0, 2.5))
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +54,6 @@ class PerturbationDesign:
         Time for the same standard error of "K", "B" and "G" over that with a PRBS of 100 ms within the same limits.
     standard_errors : dict
         Standard error of every parameter that is expected from one record.
-    better_range : dict
-        Ranges of the true "K" and "G" within which none of the time ratios passes 1.
     seconds : float
         Length of the sequences [s].
     """
@@ -67,7 +62,6 @@ class PerturbationDesign:
     amplitude: float
     time_ratio: dict[str, float]
     standard_errors: dict[str, float]
-    better_range: dict[str, tuple[float, float]]
     seconds: float
     experiment: Experiment = field(repr=False)
 
@@ -209,9 +203,6 @@ def design_perturbation(
     >>> command = design.draw(seed=2)
     >>> command.sizes["time"], command.attrs["units"]
     (20000, 'rad')
-    >>> low, high = design.better_range["K"]
-    >>> low < 150.0 < high
-    True
     """
     owner = "design_perturbation"
     seconds = _check_seconds(owner, seconds)
@@ -262,7 +253,6 @@ def design_perturbation(
         amplitude=mean_amplitude,
         time_ratio=ratios,
         standard_errors={name: (variance / longer) ** 0.5 for name, variance in variances.items()},
-        better_range=_find_ranges(experiment, commands, prbs),
         seconds=seconds,
         experiment=experiment,
     )
@@ -325,27 +315,3 @@ def _normalise(logarithms: np.ndarray) -> np.ndarray:
     """Weights of unit sum from their logarithms."""
     weights = np.exp(logarithms - logarithms.max())
     return weights / weights.sum()
-
-
-def _find_ranges(
-    experiment: Experiment, commands: Sequence[np.ndarray], prbs: Sequence[np.ndarray]
-) -> dict[str, tuple[float, float]]:
-    """Ranges of the true K and G within which the commands tell more than the PRBS."""
-    ranges = {}
-    for name in ("K", "G"):
-        setting = SETTINGS[name]
-        nominal = getattr(experiment.settings, setting)
-        better = [nominal]
-        for factors in RANGE_FACTORS:
-            for factor in factors:
-                value = factor * nominal
-                changed = experiment.change(**{setting: value})
-                try:
-                    ratios = _ratios(changed.variances(commands), changed.variances(prbs))
-                except UnstableLoopError:
-                    break
-                if max(ratios.values()) > 1.0:
-                    break
-                better.append(value)
-        ranges[name] = min(better), max(better)
-    return ranges
