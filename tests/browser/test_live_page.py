@@ -1,6 +1,5 @@
 """The page of `ankleloop live`: it moves, fits into every screen, and has a token."""
 
-from pathlib import Path
 from types import SimpleNamespace
 from urllib.parse import urljoin
 
@@ -17,13 +16,12 @@ WIDTH = "() => document.documentElement.scrollWidth"
 def test_the_page_moves_and_only_a_browser_with_its_token_sees_it(browser, pixels):
     trial = simulate(seed=1, duration=20.0)
     live = LiveEstimate(1000.0, memory=10.0, every=1.0, beside=False)
-    source = SimpleNamespace(path=Path("the rig"), rate=1000.0, silence=0.0)
+    source = SimpleNamespace(silence=0.0)
     view = LiveView(source, live, {"K": 0.2})
 
     def add(start, stop):
         part = trial.isel(time=slice(start, stop))
         live.add(part["position"], part["torque"], part["reference"])
-        view.add_torque(part["torque"].values)
 
     add(0, 12_000)
     address = view.serve()

@@ -23,16 +23,26 @@ Examples:
   ankleloop live growing.csv --width K=5% --width G=20%
   recorder | ankleloop live - --no-page
 """
-OPTIONS = (*CHANNELS, "position_unit", "torque_unit", "position_sign", "torque_sign")
+OPTIONS = (
+    *CHANNELS,
+    "position_unit",
+    "torque_unit",
+    "position_sign",
+    "torque_sign",
+    "time",
+    "sampling_rate",
+)
 PERIOD = 0.5  # s between two lines, as between two estimates
-TABLE = click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path)
-OUTPUT = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.command(epilog=EPILOG)
-@click.argument("table", type=TABLE, required=False)
+@click.argument(
+    "table",
+    type=click.Path(exists=True, dir_okay=False, allow_dash=True, path_type=Path),
+    required=False,
+)
 @click.option("--lsl", metavar="NAME", help="A stream of the Lab Streaming Layer.")
-@partial(add_options, names=(*OPTIONS, "time", "sampling_rate"))
+@partial(add_options, names=OPTIONS)
 @click.option(
     "--memory", default=20.0, show_default=True, help="Longest window of an estimate [s]."
 )
@@ -42,7 +52,11 @@ OUTPUT = click.Path(dir_okay=False, path_type=Path)
     help="Half-width of a 95 % interval over K, B, I or G that is enough; several times for several.",
 )
 @click.option("--no-page", is_flag=True, help="Print a line for each estimate in place of a page.")
-@click.option("--record", type=OUTPUT, help="CSV file for the samples, which identify reads.")
+@click.option(
+    "--record",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="CSV file for the samples, which identify reads.",
+)
 def live(
     table: Path | None,
     lsl: str | None,
@@ -72,12 +86,12 @@ def live(
     else:
         raise click.UsageError("name a table, or a stream by --lsl.")
     echo(source.summary)
+    recorder = Record(record, source.rate) if record else None
     try:
-        estimate = LiveEstimate(source.rate, memory)
+        estimate = LiveEstimate(source.rate, memory, jitter=source.jitter, record=recorder)
         estimate.enough(widths)
     except ValueError as error:
         raise click.UsageError(str(error)) from None
-    recorder = Record(record, source.rate) if record else None
     view = LiveView(source, estimate, widths)
     if not no_page:
         address = view.serve()
@@ -88,9 +102,6 @@ def live(
         with estimate, suppress(KeyboardInterrupt):
             for samples in source:
                 estimate.add(**samples)
-                view.add_torque(samples["torque"])
-                if recorder:
-                    recorder.add(samples)
                 if no_page and monotonic() - shown > PERIOD:
                     shown = monotonic()
                     echo(view.render("live_line.txt.j2"))

@@ -24,20 +24,20 @@ class Change(NamedTuple):
     score: float = 0.0  # difference over its standard error
     power: float = np.nan  # probability that a step by 30 % is found
 
-    def update(self, present: Change, memory: float) -> Change:
-        """The last change, with the present power: this one, or the present one if it is another or shows it better."""
-        is_other = present.since > self.since + memory or present.score * self.score < 0.0
-        is_better = abs(present.score) > abs(self.score)
-        if abs(present.score) > THRESHOLD and (is_other or is_better):
-            return present
-        return self._replace(power=present.power)
+    def update(
+        self, name: str, earlier: Mapping[str, float], later: Mapping[str, float], memory: float
+    ) -> Change:
+        """The last change of a parameter, after a comparison of two windows by values and ends of intervals.
 
-
-def compare(name: str, earlier: Mapping[str, float], later: Mapping[str, float]) -> Change:
-    """Compare a parameter of two windows, by its values and the ends of its intervals."""
-    low, high = f"{name}_low", f"{name}_high"
-    width = np.hypot(earlier[high] - earlier[low], later[high] - later[low])
-    error = width / (2.0 * TWO_SIDED)
-    score = (later[name] - earlier[name]) / error
-    power = special.ndtr(STEP * abs(earlier[name]) / error - THRESHOLD)
-    return Change(earlier["time"], earlier[name], later[name], float(score), float(power))
+        It is this one, or that of the two windows if it is another, or shows this one better; the power is theirs.
+        """
+        low, high = f"{name}_low", f"{name}_high"
+        width = np.hypot(earlier[high] - earlier[low], later[high] - later[low])
+        error = width / (2.0 * TWO_SIDED)
+        before, after = earlier[name], later[name]
+        score = (after - before) / error
+        power = special.ndtr(STEP * abs(before) / error - THRESHOLD)
+        is_other = earlier["time"] > self.since + memory or score * self.score < 0.0
+        if abs(score) > THRESHOLD and (is_other or abs(score) > abs(self.score)):
+            return Change(earlier["time"], before, after, score, power)
+        return self._replace(power=power)

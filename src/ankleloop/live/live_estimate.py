@@ -16,8 +16,9 @@ from ankleloop.assessment.scores import list_parameters
 from ankleloop.checks.record import SHORTEST_RECORD
 from ankleloop.errors import NUMERICAL_ERRORS, DataError, describe_error
 from ankleloop.joint.estimate import Estimate
-from ankleloop.live.change import COMPARED, Change, compare
-from ankleloop.live.stream import Stream, check_stream
+from ankleloop.live.change import COMPARED, Change
+from ankleloop.live.record import Record
+from ankleloop.live.stream import Stream, check_window
 from ankleloop.methods.registry import find_method, identify
 from ankleloop.options import as_real, check_argument, check_number
 from ankleloop.signals.sampling import parse_rate
@@ -43,7 +44,7 @@ COLUMNS = [
     "warnings",
     "failure",
 ]
-LONGEST_HISTORY = 3600.0  # s
+LONGEST_HISTORY = 7200  # rows, of an hour
 
 
 class LiveEstimate:
@@ -65,6 +66,10 @@ class LiveEstimate:
         Whether a thread of its own fits, so that `add` returns at once. Where it is late, windows are left out, and
         never samples. Python runs one thread at a time, so `add` may wait for some milliseconds. Without the thread
         `add` fits itself, as for a record that is replayed.
+    jitter : float
+        How far stamps may be off [s]: those of programs that send samples in pieces are. Gaps up to it are not seen.
+    record : Record, optional
+        What writes the samples that follow one another, as `ankleloop live --record` does.
     **options
         Options of `riv`, see ``help(ankleloop.METHODS["riv"].options)``.
 
@@ -72,6 +77,8 @@ class LiveEstimate:
     ----------
     estimate : Estimate or None
         The newest estimate.
+    samples : deque of tuple
+        The last samples that follow one another: time [s], position [rad], torque [N·m] and reference [rad].
 
     Raises
     ------
@@ -100,22 +107,24 @@ class LiveEstimate:
         every: float = 0.5,
         *,
         beside: bool = True,
+        jitter: float = 0.0,
+        record: Record | None = None,
         **options: Any,
     ) -> None:
         self._rate = parse_rate(sampling_rate, source=OWNER)
         self._memory = check_number(OWNER, "memory", memory, "s", ge=SHORTEST_RECORD, le=3600)
-        self._every = check_number(OWNER, "every", every, "s", ge=0.1, le=COMPARED)
+        every = check_number(OWNER, "every", every, "s", ge=0.1, le=COMPARED)
         find_method("riv").options.parse("method 'riv'", **options)
         self._options = options
         self.estimate: Estimate | None = None
-        self._stream = Stream(self._rate, self._memory)
-        self._counted = 0  # samples that came without stamps
-        self._step = round(self._every * self._rate)  # samples from one estimate to the next
+        self._stream = Stream(self._rate, self._memory, jitter, record)
+        self.samples = self._stream.samples
+        self._step = round(every * self._rate)  # samples from one estimate to the next
         self._left = self._step  # samples to the next one
-        self._rows: deque[dict[str, Any]] = deque(maxlen=round(LONGEST_HISTORY / self._every))
+        self._rows = deque[dict[str, Any]](maxlen=LONGEST_HISTORY)
         self._changes = {"K": Change(), "G": Change()}
         self._beside = beside
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix=OWNER)
+        self._pool = ThreadPoolExecutor(1)
         self._newest: Future[None] | None = None  # fit, which may still wait
 
     def add(
@@ -135,7 +144,7 @@ class LiveEstimate:
             Command of the servo [rad]; it is not needed with ``reference="position"``.
         time : float or array_like, shape (N,), optional
             Stamps of the samples [s], from any origin. They show gaps, samples that come twice and a clock that drifts.
-            Leave them out where they jitter by half a sampling interval.
+            Where they jitter by half a sampling interval, state `jitter`, or leave them out.
 
         Raises
         ------
@@ -143,41 +152,34 @@ class LiveEstimate:
             If a channel is missing, has no numbers, or is of another length.
         """
         if time is None:
-            count = np.size(position)
-            time = np.arange(self._counted, self._counted + count) / self._rate
-            self._counted += count
+            time = self._stream.end + np.arange(np.size(position)) / self._rate
         given: dict[str, Any] = {"time": time, "position": position, "torque": torque}
         if self._options.get("reference") != "position":
             given["reference"] = reference
         channels = {name: as_real(values, name).ravel() for name, values in given.items()}
         check_sizes({name: values.size for name, values in channels.items()}, source=OWNER)
-        samples = np.stack(list(channels.values()))
-        while samples.size:
-            piece, samples = np.split(samples, [self._left], axis=1)
-            self._left -= self._stream.add(piece)
+        for stamp, *sample in np.column_stack(list(channels.values())).tolist():
+            self._left -= self._stream.add(stamp, sample)
             if not self._left:
                 self._left = self._step
-                self._start_fit()
-
-    def close(self) -> None:
-        """Wait for the fits that are due, and end the thread."""
-        self._pool.shutdown()
+                self._fit_window()
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        """Wait for the fits that are due, and end the thread."""
+        self._pool.shutdown()
 
     @property
     def history(self) -> pd.DataFrame:
-        """A row for each window of the last hour.
+        """A row for each of the last 7200 windows: an hour of two each second.
 
         `time` is the end of the window [s], from the first sample on, `window` its length [s], and `latency` the age of
         the estimate [s]: of the middle of the window without the ends that filters take. Then come K, B, I and G, each
         with the ends of its 95 % interval (`K_low`, `K_high`), `warnings`, and `failure`: why there is no estimate.
         """
-        return pd.DataFrame(list(self._rows), columns=COLUMNS)
+        return pd.DataFrame(self._rows, columns=COLUMNS)
 
     @property
     def change(self) -> pd.DataFrame:
@@ -207,7 +209,7 @@ class LiveEstimate:
         Raises
         ------
         ValueError
-            For another parameter, or a width that is no number between 0.0001 and 10.
+            For another parameter, or a width that is no number.
         """
         return not np.isnan(self.enough_since(widths))
 
@@ -223,66 +225,60 @@ class LiveEstimate:
         -------
         float
         """
+        check_argument(dict[Literal["K", "B", "I", "G"], float], "enough", "widths", widths)
         history = self.history
         is_enough = history["window"] > self._memory - 1.0 / self._rate
         for name, width in widths.items():
-            check_argument(Literal["K", "B", "I", "G"], "enough", "parameter", name)
-            check_number("enough", f"widths: {name}", width, ge=1e-4, le=10)
             value = history[name]
-            above = history[f"{name}_high"] - value
-            below = value - history[f"{name}_low"]
-            is_enough &= np.maximum(above, below) <= width * value.abs()
-        is_last = is_enough[::-1].cummin()
-        return float(history["time"].where(is_last).min())
+            half_width = np.maximum(history[f"{name}_high"] - value, value - history[f"{name}_low"])
+            is_enough &= half_width <= width * value.abs()
+        return float(history["time"].where(is_enough[::-1].cummin()).min())
 
-    def _start_fit(self) -> None:
+    def _fit_window(self) -> None:
         """Fit the last samples, in the place of a window that still waits."""
-        end, samples, warnings = self._stream.take_window()
-        if self._newest is not None and self._newest.cancel():
+        samples, warnings = self._stream.take_window()
+        if self._newest and self._newest.cancel():
             warnings.append("the fits are late: a window was left out.")
-        self._newest = self._pool.submit(self._fit, end, samples, warnings)
+        self._newest = self._pool.submit(self._fit, self._stream.end, samples, warnings)
         if not self._beside:
             self._newest.result()
 
     def _fit(self, end: float, samples: np.ndarray, warnings: list[str]) -> None:
         """Add the row of a window."""
-        seconds = samples.shape[1] / self._rate
+        seconds = len(samples) / self._rate
         row: dict[str, Any] = {"time": end, "window": seconds, "failure": ""}
         try:
+            if len(samples) < round(SHORTEST_RECORD * self._rate):
+                raise DataError(
+                    f"there are {seconds:.3g} s without a missing sample, and {SHORTEST_RECORD:g} s are needed."
+                )
             estimate = self._identify(samples)
-            # Without an estimate of the last seconds alone, or its interval, nothing is compared.
-            with suppress(KeyError, *NUMERICAL_ERRORS):
+            # Without an estimate of the last seconds, or of a window before them, nothing is compared.
+            with suppress(LookupError, *NUMERICAL_ERRORS):
                 self._find_changes(samples)
         except Exception as error:  # whatever it is, the recording goes on
             row["failure"] = describe_error(error)
         else:
             row |= list_parameters(estimate)
-            warnings += check_stream(samples, self._rate)
-            warnings += estimate.diagnostics["warnings"]
             row["latency"] = end - float(estimate.torque["time"].mean())
+            warnings += check_window(samples, self._rate)
+            warnings += estimate.diagnostics["warnings"]
             self.estimate = estimate
         row["warnings"] = " ".join(warnings)
         self._rows.append(row)
 
     def _identify(self, samples: np.ndarray) -> Estimate:
         """Estimate from samples, at their times."""
-        times, position, torque, *reference = samples
-        if times.size < round(SHORTEST_RECORD * self._rate):
-            seconds = times.size / self._rate
-            raise DataError(
-                f"there are {seconds:.3g} s without a missing sample, and {SHORTEST_RECORD:g} s are needed."
-            )
+        times, position, torque, *reference = samples.T
         trial = new_trial(position, torque, self._rate, *reference)
         trial = trial.assign_coords(time=trial["time"] + times[0])
         return identify(trial, "riv", **self._options)
 
     def _find_changes(self, samples: np.ndarray) -> None:
         """Compare the last seconds with the window before them."""
-        last = samples[:, -round(COMPARED * self._rate) :]
-        start = last[0, 0] + 0.5 / self._rate
-        earlier = [row for row in self._rows if row["time"] < start and "K" in row]
-        if earlier:
-            later = list_parameters(self._identify(last))
-            for name, found in self._changes.items():
-                present = compare(name, earlier[-1], later)
-                self._changes[name] = found.update(present, self._memory)
+        last = samples[-round(COMPARED * self._rate) :]
+        # A window ends at the time of the sample that would come next.
+        earlier = [row for row in self._rows if row["time"] < last[1, 0]][-1]
+        later = list_parameters(self._identify(last))
+        for name, change in self._changes.items():
+            self._changes[name] = change.update(name, earlier, later, self._memory)

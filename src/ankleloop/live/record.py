@@ -1,15 +1,10 @@
-"""The samples of a source in files that `read_trial` reads."""
+"""The samples of a recording in files that `read_trial` reads."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-
-import numpy as np
-
-from ankleloop.live.sources import Samples
-from ankleloop.live.stream import LARGEST_STEP
-from ankleloop.trials.channels import CHANNELS, TIME
 
 
 def find_free(path: Path) -> Path:
@@ -30,19 +25,14 @@ class Record(ExitStack):
         self.paths: list[Path] = []
         self._path = path
         self._rate = rate
-        self._last = -np.inf  # time of the last sample [s]
 
-    def add(self, samples: Samples) -> None:
-        """Write samples; without times none is missing."""
-        rows = np.column_stack([samples[name] for name in CHANNELS])
-        times = samples.get(TIME, np.zeros(len(rows)))
-        for time, row in zip(times, rows, strict=True):
-            if (time - self._last) * self._rate > LARGEST_STEP:
-                self.paths.append(find_free(self._path))
-                file = open(self.paths[-1], "w", encoding="utf-8")  # noqa: SIM115 # closed by `close`
-                self._file = self.enter_context(file)
-                print("time_s,position_rad,torque_nm,reference_rad", file=self._file)
-                self._count = 0  # rows of the file
-            print(self._count / self._rate, *row, sep=",", file=self._file)
-            self._count += 1
-            self._last = time
+    def add(self, channels: Sequence[float], *, is_first: bool) -> None:
+        """Write a sample: position [rad], torque [N·m] and reference [rad]."""
+        if is_first:
+            self.paths.append(find_free(self._path))
+            file = open(self.paths[-1], "w", encoding="utf-8")  # noqa: SIM115 # closed by `close`
+            self._file = self.enter_context(file)
+            print("time_s,position_rad,torque_nm,reference_rad", file=self._file)
+            self._count = 0  # samples of the file
+        print(self._count / self._rate, *channels, sep=",", file=self._file)
+        self._count += 1

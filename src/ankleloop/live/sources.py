@@ -28,9 +28,6 @@ STANDARD_INPUT = Path("-")
 WAIT = 0.1  # s for new samples
 SEARCH = 60.0  # s, until there is a stream
 FIRST_LINES = 100  # of a table, which tell its rate
-MOST_SAMPLES = 10_000  # of a stream at a time
-# Of stamps: jitter [s] of a stream that begins, by how many times of it a gap is beyond, and how fast [s] times follow.
-JITTER, BEYOND, FOLLOWING = 0.002, 3.0, 5.0
 
 # Position [rad], torque [N·m], reference [rad] and, where the source has any, times [s] by name, each of shape (N,).
 Samples = dict[str, np.ndarray]
@@ -43,6 +40,7 @@ class Source(Contents, Iterable[Samples]):
     """
 
     rate: float  # Hz
+    jitter = 0.0  # of times [s]
     silence = 0.0  # s without samples
 
     def find_channels(self, options: ReadingOptions) -> None:
@@ -64,11 +62,10 @@ class Source(Contents, Iterable[Samples]):
         if TIME in variables:
             times = variables[TIME]
             self._factors[TIME] = time_factor(times.name, times.unit, source=source) or 1.0
-        columns = [variable.name for variable in self.variables]
+        columns = list(self._by_name)
         self._places = {role: columns.index(variables[role].name) for role in self._factors}
         names = ", ".join(f"{role} {variables[role].name}" for role in CHANNELS)
-        unit = options.position_unit or "rad"
-        self.summary = f"{source}, {self.rate:g} Hz: {names}; the position is in {unit}"
+        self.summary = f"{source}, {self.rate:g} Hz: {names}; the position is in {options.position_unit or 'rad'}"
 
     def take(self, rows: np.ndarray) -> Samples:
         """Channels of rows, shape (N, columns)."""
@@ -82,20 +79,23 @@ class StreamSource(Source):
     Its description has the labels of the channels, which are numbers, from 0, where there are none.
     """
 
+    # Programs send samples in pieces, and stamp them when they send them, which a busy computer does late.
+    jitter = 0.05
+
     def __init__(self, name: str, options: ReadingOptions) -> None:
         super().__init__(Path(name))
         self._lsl = import_lsl()
         self._lsl.resolve_byprop("name", name, timeout=SEARCH)
-        found = self._lsl.resolve_byprop("name", name, minimum=2, timeout=1.0)
-        if len(found) != 1:
-            others = ", ".join(info.name() for info in self._lsl.resolve_streams())
+        streams = self._lsl.resolve_streams()
+        names = [stream.name() for stream in streams]
+        if names.count(name) != 1:
             raise DataError(
-                f"{len(found)} streams are called {name!r}, and one has to be; there are: {others or 'none'}."
+                f"{names.count(name)} streams are called {name!r}, and one has to be; there are: {names}."
             )
         # Not `proc_dejitter`, which smooths gaps away, too.
-        flags = self._lsl.proc_clocksync | self._lsl.proc_monotonize
-        self._inlet = self._lsl.StreamInlet(found[0], processing_flags=flags, as_numpy=True)
-        self._inlet.open_stream(timeout=SEARCH)
+        flags = self._lsl.proc_clocksync
+        stream = streams[names.index(name)]
+        self._inlet = self._lsl.StreamInlet(stream, processing_flags=flags, as_numpy=True)
         info = self._inlet.info(timeout=SEARCH)
         count = info.channel_count()
         labels = info.get_channel_labels() or map(str, range(count))
@@ -108,57 +108,26 @@ class StreamSource(Source):
         self.find_channels(options.model_copy(update={"time": None}))
 
     def require(self, name: str) -> Variable:
-        """Channel of a label or a number; one that another stream has is refused."""
-        if self.find(name) is None:
-            if name.isdecimal() and int(name) < len(self.variables):
-                return self.variables[int(name)]
-            label = "desc/channels/channel/label"
-            for info in self._lsl.resolve_byprop(label, name, timeout=1.0):
-                raise DataError(
-                    f"{self.path.name}: there is no channel {name!r}, but the stream {info.name()!r} has one: let one "
-                    "program send all channels in one stream, where their samples are of the same times."
-                )
-        return super().require(name)
+        """Channel of a label or a number; one of another stream is refused."""
+        if self.find(name):
+            return super().require(name)
+        if name.isdecimal() and int(name) < len(self.variables):
+            return self.variables[int(name)]
+        raise DataError(
+            f"{self.path.name}: there is no channel {name!r}; the stream has: {self.describe(self.names())}. If "
+            "another one has it, let one program send all channels in one stream, where their samples are of the same times."
+        )
 
     def __iter__(self) -> Iterator[Samples]:
         """Samples; a stream that ends is waited for, unless it has no identity by which it would be known again."""
-        clock = SteadyClock(self.rate)
         while True:
             try:
-                rows, stamps = self._inlet.pull_chunk(WAIT, MOST_SAMPLES, min_samples=1)
+                rows, stamps = self._inlet.pull_chunk(WAIT, min_samples=1)
             except self._lsl.util.TimeoutError:
                 continue
             except self._lsl.util.LostError:
                 return
-            yield {**self.take(rows), TIME: clock.smooth(stamps)}
-
-
-class SteadyClock:
-    """Times that are a sample apart, and follow the stamps slowly; a gap between the stamps stays one.
-
-    Programs send samples in pieces, and stamp them when they send them, which a busy computer does late.
-    """
-
-    def __init__(self, rate: float) -> None:
-        self._rate = rate
-        self._jitter = JITTER
-        self._next = -np.inf  # time of the next sample [s]
-
-    def smooth(self, stamps: np.ndarray) -> np.ndarray:
-        """Times of samples by their stamps, both of shape (N,)."""
-        times = np.empty(stamps.size)
-        slow = 1.0 / (FOLLOWING * self._rate)
-        for number, stamp in enumerate(stamps.tolist()):
-            late = stamp - self._next
-            if abs(late) > max(0.5 / self._rate, BEYOND * self._jitter):
-                self._next = stamp
-                self._jitter += JITTER
-            else:
-                self._next += slow * late
-                self._jitter = max(abs(late), (1.0 - slow) * self._jitter)
-            times[number] = self._next
-            self._next += 1.0 / self._rate
-        return times
+            yield {**self.take(rows), TIME: stamps}
 
 
 def import_lsl() -> Any:

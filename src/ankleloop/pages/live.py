@@ -5,10 +5,9 @@ from __future__ import annotations
 import asyncio
 import secrets
 from collections.abc import Mapping
+from dataclasses import dataclass
 from threading import Thread
 from typing import Any
-
-import numpy as np
 
 from ankleloop.live.live_estimate import LiveEstimate
 from ankleloop.live.sources import Source
@@ -19,8 +18,9 @@ from ankleloop.recordings.recommendation import format_with_interval
 
 PERIOD = 500  # ms between two pictures
 SHOWN_ROWS = 1200  # of the estimates
-TORQUE_SECONDS = 5.0
+SHOWN_SAMPLES = 5000  # of the torque
 PANEL: dict[str, Any] = {
+    "x_axis_label": "time [s]",
     "height": 150,
     "min_border_left": 65,
     "sizing_mode": "stretch_width",
@@ -28,25 +28,19 @@ PANEL: dict[str, Any] = {
 }
 
 
+@dataclass
 class LiveView:
     """What is shown of an estimate during the recording, on a page or in lines."""
 
-    def __init__(self, source: Source, live: LiveEstimate, widths: Mapping[str, float]) -> None:
-        self.source = source
-        self.live = live
-        self.widths = widths
-        self._torque = np.zeros(round(TORQUE_SECONDS * source.rate))
-
-    def add_torque(self, torque: np.ndarray) -> None:
-        """Add samples [N·m] to the line of the torque."""
-        self._torque = np.append(self._torque, torque)[-self._torque.size :]
+    source: Source
+    live: LiveEstimate
+    widths: Mapping[str, float]  # half-widths that are enough, over the values
 
     def render(self, template: str) -> str:
         """The newest numbers, whether they are narrow enough, and what there is to say, by a template."""
         return render_template(
             template,
             view=self,
-            newest=self.live.history.tail(1).to_dict("records"),
             names=TRAJECTORIES,
             quantities=QUANTITIES,
             show=format_with_interval,
@@ -85,30 +79,31 @@ class LiveView:
         estimates = ColumnDataSource()
         changes = ColumnDataSource()
         torque = ColumnDataSource()
+        colour = METHOD_STYLES["riv"].colour
         panels = []
         for name in TRAJECTORIES:
-            panel = figure(x_axis_label="time [s]", y_axis_label=QUANTITIES[name].label, **PANEL)
-            look: dict[str, Any] = {"source": estimates, "color": METHOD_STYLES["riv"].colour}
-            panel.varea("time", f"{name}_low", f"{name}_high", alpha=0.25, **look)
-            panel.line("time", name, line_width=2, **look)
+            panel = figure(y_axis_label=QUANTITIES[name].label, **PANEL)
+            panel.varea(
+                "time", f"{name}_low", f"{name}_high", source=estimates, color=colour, alpha=0.25
+            )
+            panel.line("time", name, source=estimates, color=colour, line_width=2)
             panel.vspan("since", source=changes, line_dash="dashed")
             panels.append(panel)
-        panel = figure(
-            x_axis_label="time from now [s]", y_axis_label=QUANTITIES["torque"].label, **PANEL
-        )
+        panel = figure(y_axis_label=QUANTITIES["torque"].label, **PANEL)
         panel.line("time", "torque", source=torque, color=MEASURED.colour)
 
         def update() -> None:
-            history = self.live.history.drop(columns=["warnings", "failure"]).tail(SHOWN_ROWS)
-            numbered = history[history["K"].notna().cummax()]
-            estimates.data = dict(numbered.items())
-            changes.data = {"since": self.live.change["since"].dropna()}
-            seconds = np.linspace(-TORQUE_SECONDS, 0.0, self._torque.size)
-            torque.data = {"time": seconds, "torque": self._torque}
+            history = self.live.history.drop(columns=["warnings", "failure"])
+            estimates.data = dict(history.tail(SHOWN_ROWS))
+            changes.data = dict(self.live.change)
+            last = list(self.live.samples)[-SHOWN_SAMPLES:]
+            torque.data = {
+                "time": [sample[0] for sample in last],
+                "torque": [sample[2] for sample in last],
+            }
             text.text = self.render("live_text.html.j2")
 
         update()
-        document.title = self.source.path.name
         document.template = ENVIRONMENT.get_template("live.html.j2")
         document.add_root(column(text, *panels, panel, sizing_mode="stretch_width"))
         document.add_periodic_callback(update, PERIOD)

@@ -80,6 +80,15 @@ def test_samples_that_come_twice_or_late_are_left_out(channels):
     assert ["twice or late" in text for text in history["warnings"]].index(True) == 4
 
 
+def test_stamps_that_jitter_show_the_gaps_alone(channels):
+    channels[3] *= 1.0005
+    channels[3] += np.repeat(np.random.default_rng(1).uniform(0.0, 0.016, 800), 30)
+    history = follow(np.delete(channels, slice(3000, 3500), axis=1), jitter=0.05).history
+    assert history["window"].iloc[-1] == 19.0  # there is one gap
+    assert history["warnings"].str.contains("samples are missing").tolist() == [False] + [True] * 10
+    assert not history["warnings"].str.contains("samples come").any()
+
+
 def test_clock_that_is_set_back_begins_anew(channels):
     channels[3] += 100.0
     channels[3, 12_000:] -= 100.0
