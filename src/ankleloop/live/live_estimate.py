@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
-from typing import Any, Literal, Self
+from contextlib import ExitStack, suppress
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -47,12 +47,13 @@ COLUMNS = [
 LONGEST_HISTORY = 7200  # rows, of an hour
 
 
-class LiveEstimate:
+class LiveEstimate(ExitStack):
     """K, B, I and G with intervals during the recording, by `riv` on a window that slides.
 
     Each estimate is that of ``identify(window, "riv", **options)``, with its warnings and intervals. The window has the
     last samples, at most `memory` seconds of them and at least 10 s. It begins anew after a sample that is missing and
     after a gap; samples that come twice or late are left out.
+    Its `close`, or the end of a block that begins `with` it, waits for the fits that are due.
 
     Parameters
     ----------
@@ -111,6 +112,7 @@ class LiveEstimate:
         record: Record | None = None,
         **options: Any,
     ) -> None:
+        super().__init__()
         self._rate = parse_rate(sampling_rate, source=OWNER)
         self._memory = check_number(OWNER, "memory", memory, "s", ge=SHORTEST_RECORD, le=3600)
         every = check_number(OWNER, "every", every, "s", ge=0.1, le=COMPARED)
@@ -124,7 +126,7 @@ class LiveEstimate:
         self._rows = deque[dict[str, Any]](maxlen=LONGEST_HISTORY)
         self._changes = {"K": Change(), "G": Change()}
         self._beside = beside
-        self._pool = ThreadPoolExecutor(1)
+        self._pool = self.enter_context(ThreadPoolExecutor(1))
         self._newest: Future[None] | None = None  # fit, which may still wait
 
     def add(
@@ -162,14 +164,7 @@ class LiveEstimate:
             self._left -= self._stream.add(stamp, sample)
             if not self._left:
                 self._left = self._step
-                self._fit_window()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Wait for the fits that are due, and end the thread."""
-        self._pool.shutdown()
+                self._submit()
 
     @property
     def history(self) -> pd.DataFrame:
@@ -234,9 +229,10 @@ class LiveEstimate:
             is_enough &= half_width <= width * value.abs()
         return float(history["time"].where(is_enough[::-1].cummin()).min())
 
-    def _fit_window(self) -> None:
+    def _submit(self) -> None:
         """Fit the last samples, in the place of a window that still waits."""
-        samples, warnings = self._stream.take_window()
+        samples = np.array(self.samples)
+        warnings = list(self._stream.list_faults())
         if self._newest and self._newest.cancel():
             warnings.append("the fits are late: a window was left out.")
         self._newest = self._pool.submit(self._fit, self._stream.end, samples, warnings)
@@ -245,13 +241,10 @@ class LiveEstimate:
 
     def _fit(self, end: float, samples: np.ndarray, warnings: list[str]) -> None:
         """Add the row of a window."""
-        seconds = len(samples) / self._rate
-        row: dict[str, Any] = {"time": end, "window": seconds, "failure": ""}
+        row: dict[str, Any] = {"time": end, "window": len(samples) / self._rate, "failure": ""}
         try:
             if len(samples) < round(SHORTEST_RECORD * self._rate):
-                raise DataError(
-                    f"there are {seconds:.3g} s without a missing sample, and {SHORTEST_RECORD:g} s are needed."
-                )
+                raise DataError(f"{SHORTEST_RECORD:g} s are needed in which no sample is missing.")
             estimate = self._identify(samples)
             # Without an estimate of the last seconds, or of a window before them, nothing is compared.
             with suppress(LookupError, *NUMERICAL_ERRORS):

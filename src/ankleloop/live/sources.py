@@ -92,11 +92,12 @@ class StreamSource(Source):
             raise DataError(
                 f"{names.count(name)} streams are called {name!r}, and one has to be; there are: {names}."
             )
-        # Not `proc_dejitter`, which smooths gaps away, too.
-        flags = self._lsl.proc_clocksync
-        stream = streams[names.index(name)]
-        self._inlet = self._lsl.StreamInlet(stream, processing_flags=flags, as_numpy=True)
-        info = self._inlet.info(timeout=SEARCH)
+        self._inlet = self._lsl.StreamInlet(
+            streams[names.index(name)],
+            processing_flags=self._lsl.proc_clocksync,  # `proc_dejitter` smooths gaps away, too
+            as_numpy=True,
+        )
+        info = self._inlet.info(SEARCH)
         count = info.channel_count()
         labels = info.get_channel_labels() or map(str, range(count))
         units = info.get_channel_units() or [""] * count
@@ -115,7 +116,7 @@ class StreamSource(Source):
             return self.variables[int(name)]
         raise DataError(
             f"{self.path.name}: there is no channel {name!r}; the stream has: {self.describe(self.names())}. If "
-            "another one has it, let one program send all channels in one stream, where their samples are of the same times."
+            "another one has it, let one program send all channels in one stream, at the same times."
         )
 
     def __iter__(self) -> Iterator[Samples]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -53,26 +53,22 @@ class Stream:
         self.end += 1.0 / self._rate
         return True
 
-    def take_window(self) -> tuple[np.ndarray, list[str]]:
-        """The last samples, shape (N, 1 + channels) with times in front, and what is wrong with the stream."""
-        samples = np.array(self.samples)
-        warnings = []
-        if 0 < len(samples) < round(self._memory * self._rate) and samples[0, 0] > 0.0:
-            warnings.append(f"samples are missing, the last ones before {samples[0, 0]:.6g} s.")
+    def list_faults(self) -> Iterator[str]:
+        """What is wrong with the samples that have come."""
+        is_full = len(self.samples) == self.samples.maxlen
+        if self.samples and self.samples[0][0] > 0.0 and not is_full:
+            yield f"samples are missing, the last ones before {self.samples[0][0]:.6g} s."
         if self._is_repeated:
-            warnings.append("samples that came twice or late were left out.")
-            self._is_repeated = False
-        return samples, warnings
+            yield "samples that came twice or late were left out."
+        self._is_repeated = False
 
 
-def check_window(samples: np.ndarray, rate: float) -> list[str]:
+def check_window(samples: np.ndarray, rate: float) -> Iterator[str]:
     """Warnings about a clock that does not keep the sampling rate, and about a reference that stands still."""
-    warnings = []
     measured = (len(samples) - 1) / np.ptp(samples[:, 0])
     if abs(measured - rate) > RATE_TOLERANCE * rate:
-        warnings.append(f"samples come at {measured:.6g} Hz, and not at {rate:g} Hz.")
+        yield f"samples come at {measured:.6g} Hz, and not at {rate:g} Hz."
     for reference in samples.T[3:]:
         last = reference[-round(REST * rate) :]
         if np.ptp(last) < REST_SHARE * np.ptp(reference):
-            warnings.append(f"the reference has stood still for {REST:g} s or longer.")
-    return warnings
+            yield f"the reference has stood still for {REST:g} s or longer."

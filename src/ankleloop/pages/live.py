@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from threading import Thread
 from typing import Any
 
+import numpy as np
+
 from ankleloop.live.live_estimate import LiveEstimate
 from ankleloop.live.sources import Source
 from ankleloop.pages.rendering import ENVIRONMENT, render_template
@@ -93,14 +95,11 @@ class LiveView:
         panel.line("time", "torque", source=torque, color=MEASURED.colour)
 
         def update() -> None:
-            history = self.live.history.drop(columns=["warnings", "failure"])
-            estimates.data = dict(history.tail(SHOWN_ROWS))
+            numbers = self.live.history.iloc[-SHOWN_ROWS:, :-2]  # the texts are in the last columns
+            estimates.data = dict(numbers)
             changes.data = dict(self.live.change)
-            last = list(self.live.samples)[-SHOWN_SAMPLES:]
-            torque.data = {
-                "time": [sample[0] for sample in last],
-                "torque": [sample[2] for sample in last],
-            }
+            last = np.reshape(list(self.live.samples)[-SHOWN_SAMPLES:], (-1, 4))
+            torque.data = {"time": last[:, 0], "torque": last[:, 2]}
             text.text = self.render("live_text.html.j2")
 
         update()
