@@ -9,7 +9,7 @@ import yaml
 from workflow_runs import PROGRAM, STUDY, Run, environment
 
 import ankleloop
-from ankleloop.plotting.style import METADATA
+from ankleloop.plotting.style import FILE_OPTIONS
 
 ROOT = Path(__file__).parents[1]
 collect_ignore_glob = ["*/conftest.py"]  # they have no examples, and share a name
@@ -170,4 +170,4 @@ def coarse_pictures(monkeypatch):
     """Pictures of few pixels, and none for print, which take less time."""
     for module in ("pages.recordings", "plotting.style"):
         monkeypatch.setattr(f"ankleloop.{module}.DOTS_PER_INCH", 40)
-    monkeypatch.delitem(METADATA, ".pdf")
+    monkeypatch.delitem(FILE_OPTIONS, ".pdf")

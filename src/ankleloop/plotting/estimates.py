@@ -205,7 +205,8 @@ def torque_figure(
         sharex=True,
     )
     figure.axes[0].set_xlim(first, last)
-    figure.suptitle(title, size=8.0)
+    if title:
+        figure.suptitle(title, size=8.0)
     return finish(figure)
 
 

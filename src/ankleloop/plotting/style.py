@@ -33,6 +33,7 @@ STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib, so that figures are the same on every machine
     "font.size": 8.0,
     "axes.titlesize": 8.0,
+    "axes.titley": 1.0,  # without a search for room above the ticks, of which there are none
     "figure.titlesize": 8.0,
     "xtick.labelsize": 7.0,
     "ytick.labelsize": 7.0,
@@ -50,10 +51,10 @@ STYLE: Any = {
     "text.parse_math": False,  # labels of methods may hold dollars
     "pdf.fonttype": 42,
 }
-# Metadata that would differ between two runs are left out.
-METADATA: dict[str, Any] = {
-    ".png": {"Software": None},
-    ".pdf": {"CreationDate": None, "Producer": None},
+# Metadata that would differ between two runs are left out. PNG: in half the time of the usual level, 6 % larger.
+FILE_OPTIONS: dict[str, Any] = {
+    ".png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 3}},
+    ".pdf": {"metadata": {"CreationDate": None, "Producer": None}},
 }
 
 Dashes = tuple[float, ...]
@@ -196,13 +197,13 @@ def render_figure(figure: Figure, dots_per_inch: float, suffix: str = ".png") ->
     """Draw a figure as a picture, the same bytes for the same data."""
     stream = BytesIO()
     with matplotlib.rc_context(STYLE):
-        figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, metadata=METADATA[suffix])
+        figure.savefig(stream, format=suffix[1:], dpi=dots_per_inch, **FILE_OPTIONS[suffix])
     return stream.getvalue()
 
 
 def save_figure(figure: Figure, stem: str | Path, *, overwrite: bool = False) -> None:
     """Write a figure as PNG and PDF, and the numbers that it draws as CSV: the same bytes for the same data."""
-    for suffix in METADATA:
+    for suffix in FILE_OPTIONS:
         with atomic_file(f"{stem}{suffix}", overwrite=overwrite) as partial:
             partial.write_bytes(render_figure(figure, DOTS_PER_INCH, suffix))
     data = getattr(figure, "data", None)  # a figure of a user's notebook may have none

@@ -210,6 +210,7 @@ def maps_figure(
     ]
     columns = min(MAP_COLUMNS, table["series"].nunique())
     figure = panel_grid(len(maps), columns, MAP_HEIGHT, sharex=True, sharey=True)
+    figure.set_layout_engine("constrained")  # which has places for colour bars
     cells: dict[SweepPanel, list[Axes]] = {}
     for cell, (panel, name, rows) in zip(figure.axes, maps, strict=True):
         x = abscissa.places(rows["x"])
