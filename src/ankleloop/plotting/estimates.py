@@ -205,8 +205,7 @@ def torque_figure(
         sharex=True,
     )
     figure.axes[0].set_xlim(first, last)
-    if title:
-        figure.suptitle(title, size=8.0)
+    figure.suptitle(title, size=8.0)
     return finish(figure)
 
 
