@@ -12,12 +12,6 @@ from ankleloop.simulation.settings import SimulationSettings
 
 ANTIALIAS_ORDER = 4
 VOLUNTARY_WARMUP = 5.0  # periods of its cutoff until the low-pass of voluntary torque has settled
-# Upper poles of Bessel low-passes whose -3 dB frequency is 1 rad/s, those of `scipy.signal.besselap(n, norm="mag")`:
-# importing that takes longer than simulating fifty trials.
-BESSEL_POLES = {
-    2: (-1.1016013305921608 + 0.636009824757034j,),
-    4: (-0.995208764350272 + 1.257105739454664j, -1.3700678305514422 + 0.41024971749375155j),
-}
 
 
 class DiscreteFilter(NamedTuple):
@@ -38,13 +32,16 @@ class DiscreteFilter(NamedTuple):
         return states @ self.C + self.D * u
 
 
+@lru_cache
 def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
-    """Denominator of the Bessel low-pass of order 2 or 4 with a -3 dB frequency [rad/s].
+    """Denominator of the Bessel low-pass with a -3 dB frequency [rad/s].
 
     Shapes: returns (order + 1,).
     """
-    poles = cutoff * np.array(BESSEL_POLES[order])
-    return np.poly(np.concatenate([poles, poles.conj()])).real
+    # Here, because its import takes time and identifications do not need it.
+    from scipy.signal import bessel
+
+    return bessel(order, cutoff, analog=True, norm="mag")[1]
 
 
 @lru_cache
@@ -72,20 +69,17 @@ def antialias(
     return _antialias_filter(settings.antialias_cutoff, settings.recording_rate, hold).run(x)
 
 
-@lru_cache
-def voluntary_filter(rate: float, cutoff: float) -> tuple[DiscreteFilter, int, float]:
-    """Second-order Bessel low-pass in discrete time, by the bilinear transform with prewarped cutoff."""
-    double = 2.0 * rate
-    square = double**2
-    _, slope, constant = bessel_denominator(2, double * np.tan(np.pi * cutoff / rate))
-    linear = slope * double
-    leading = square + linear + constant
-    a1 = 2 * (constant - square) / leading
-    a2 = (square - linear + constant) / leading
-    gain = constant / leading  # the numerator is gain · (1, 2, 1)
-    A = np.array([[-a1, 1.0], [-a2, 0.0]])
-    B = np.array([2 * gain - a1 * gain, gain - a2 * gain])
-    system = DiscreteFilter(A, B, np.array([1.0, 0.0]), float(gain))
+def draw_slow_noise(
+    rng: np.random.Generator, samples: int, rate: float, cutoff: float
+) -> np.ndarray:
+    """White noise behind a second-order Bessel low-pass, of unit standard deviation.
+
+    Shapes: returns (samples,).
+    """
+    from scipy.signal import bessel, sosfilt
+
+    sections = bessel(2, cutoff, fs=rate, norm="mag", output="sos")
     warmup = int(np.ceil(VOLUNTARY_WARMUP * rate / cutoff))
-    impulse = np.eye(1, 2 * warmup + 1)[0]
-    return system, warmup, float(np.linalg.norm(system.run(impulse)))
+    response = sosfilt(sections, np.eye(1, 2 * warmup + 1)[0])
+    slow = sosfilt(sections, rng.standard_normal(warmup + samples))[warmup:]
+    return slow / np.linalg.norm(response)

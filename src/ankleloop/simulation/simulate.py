@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from ankleloop.errors import DataError
 from ankleloop.options import as_plain, as_real, check_memory, show_fields, show_value
-from ankleloop.simulation.filters import antialias, voluntary_filter
+from ankleloop.simulation.filters import antialias, draw_slow_noise
 from ankleloop.simulation.loop import run_loop
 from ankleloop.simulation.settings import DWELL_TIMES, SimulationSettings
 from ankleloop.simulation.trajectories import Course, draw_course, trajectories
@@ -273,11 +273,9 @@ def _draw_voluntary(
     if settings.locked_torque > 0:
         torque += settings.locked_torque * course.locked_torque(time)
     if settings.voluntary > 0:
-        system, warmup, deviation = voluntary_filter(
-            settings.recording_rate, settings.voluntary_cutoff
+        torque += settings.voluntary * draw_slow_noise(
+            rng, time.size, settings.recording_rate, settings.voluntary_cutoff
         )
-        slow = system.run(rng.standard_normal(warmup + time.size))[warmup:]
-        torque += settings.voluntary / deviation * slow
     return torque
 
 

@@ -180,9 +180,7 @@ def tabulate_omissions(details: pd.DataFrame, points: Points, labels: Labels) ->
         for label, point in changed.items():
             if (point, method) not in results:
                 continue
-            changes = _measure_changes(
-                results[point, method], results[complete, method], paired=label != FILTER
-            )
+            changes = _measure_changes(results[point, method], results[complete, method])
             row = {"condition": condition, "method": labels[method], "omitted_step": label}
             rows.append({**row, **changes, **counts.loc[(point, method)]})
     return pd.DataFrame(rows)
@@ -207,17 +205,10 @@ def _find_point(points: Points, point: str, **change: Any) -> str | None:
     return next((name for name, settings in points.items() if settings == wanted), None)
 
 
-def _measure_changes(
-    values: pd.DataFrame, complete: pd.DataFrame, *, paired: bool
-) -> dict[str, float]:
-    """Means of all columns and their changes ("cost"), with their margins; paired changes are of the same trials."""
+def _measure_changes(values: pd.DataFrame, complete: pd.DataFrame) -> dict[str, float]:
+    """Means of all columns and their changes from trial to trial ("cost"), with their margins."""
     means, margins = _measure_means(values)
-    if paired:
-        costs, cost_margins = _measure_means(values - complete)
-    else:
-        complete_means, complete_margins = _measure_means(complete)
-        costs = means - complete_means
-        cost_margins = np.hypot(margins, complete_margins)
+    costs, cost_margins = _measure_means(values - complete)
     numbers = {"mean": means, "margin": margins, "cost": costs, "cost_margin": cost_margins}
     return {
         f"{name}_{key}": column[name]

@@ -2,16 +2,8 @@ import numpy as np
 import pytest
 from scipy import signal as sps
 
-from ankleloop.simulation.filters import antialias, bessel_denominator, voluntary_filter
+from ankleloop.simulation.filters import antialias, bessel_denominator, draw_slow_noise
 from ankleloop.simulation.settings import SimulationSettings
-
-
-@pytest.mark.parametrize("order", [2, 4])
-def test_bessel_denominator_against_scipy(order):
-    cutoff = 2 * np.pi * 80.0
-    b, a = sps.bessel(order, cutoff, analog=True, norm="mag")
-    np.testing.assert_allclose(bessel_denominator(order, cutoff), a / a[0], rtol=1e-8)
-    assert np.abs(sps.freqs(b, a, [cutoff])[1][0]) == pytest.approx(np.sqrt(0.5), rel=1e-8)
 
 
 @pytest.mark.parametrize("hold", ["zoh", "foh"])
@@ -25,10 +17,21 @@ def test_the_antialiasing_filter_against_scipy(hold):
     np.testing.assert_allclose(antialias(x, settings, hold), expected, atol=1e-10)
 
 
-def test_the_filter_of_the_voluntary_torque_against_scipy():
-    system, warmup, deviation = voluntary_filter(1000.0, 2.0)
-    x = np.random.default_rng(1).standard_normal(3000)
-    sos = sps.bessel(2, 2.0, fs=1000.0, norm="mag", output="sos")
-    np.testing.assert_allclose(system.run(x), sps.sosfilt(sos, x), atol=1e-9)
-    response = sps.sosfilt(sos, np.eye(1, 2 * warmup + 1)[0])
-    assert deviation == pytest.approx(np.linalg.norm(response), rel=1e-8)
+def test_slow_noise_has_unit_deviation_and_the_spectrum_of_the_filter():
+    noise = draw_slow_noise(np.random.default_rng(1), 400_000, 100.0, 2.0)
+    assert noise.std() == pytest.approx(1.0, abs=0.02)
+    frequency, density = sps.welch(noise, 100.0, nperseg=1000)
+    expected = (
+        np.abs(
+            sps.sosfreqz(
+                sps.bessel(2, 2.0, fs=100.0, norm="mag", output="sos"), frequency, fs=100.0
+            )[1]
+        )
+        ** 2
+    )
+    shown = (frequency > 0.2) & (frequency < 8.0)
+    ratio = density[shown] / expected[shown]
+    np.testing.assert_allclose(ratio / ratio.mean(), 1.0, atol=0.2)
+    assert np.abs(density[frequency == 2.0] / density[frequency == 0.2]) == pytest.approx(
+        0.5, rel=0.15
+    )
