@@ -14,8 +14,8 @@ from workflow_runs import STUDY
 pytestmark = pytest.mark.workflow
 
 SETTINGS = STUDY["studies"]["study"] | {
-    "trials": 3,
-    "trials_per_chunk": 2,
+    "trials": 2,
+    "trials_per_chunk": 1,
     "points": {"reflex_gain": [13.0]},
 }
 TINY = {"run": ["tiny"], "studies": {"tiny": SETTINGS}}
@@ -68,36 +68,6 @@ def test_a_module_under_another_name(clean, snakemake, tiny, tmp_path):
     assert jobs == {f"paper_{rule}": number for rule, number in PLANNED.items()}
 
 
-def test_other_folders_have_results_of_their_own(clean, snakemake, tiny, tmp_path):
-    """That of a module, and that of --directory with either Snakefile; chunks divided otherwise change none."""
-    (tmp_path / "Snakefile").write_text(
-        MODULE.format(repository=clean, alias="", all="all"), encoding="utf-8"
-    )
-    elsewhere, trials = tmp_path / "elsewhere", "results/tables/tiny-trials.csv"
-    snakemake(clean, trials, *tiny, folder=tmp_path)
-    assert set(pd.read_csv(tmp_path / trials)["method"]) == {"pr-moesp", "riv"}
-    TINY["studies"]["tiny"]["trials_per_chunk"] = 200
-    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(TINY), encoding="utf-8")
-    snakemake(clean, trials, *tiny, "--directory", str(elsewhere))
-    assert (elsewhere / trials).read_bytes() == (tmp_path / trials).read_bytes()
-    entry = ("--snakefile", str(clean / "workflow/Snakefile"), trials, *tiny, "--dry-run")
-    assert "Nothing to be done" in snakemake(clean, *entry, folder=elsewhere)
-    # Without its records Snakemake would keep the results of other settings; a dry run changes nothing.
-    shutil.rmtree(elsewhere / ".snakemake")
-    assert "Nothing to be done" in snakemake(clean, *entry, folder=elsewhere)
-    TINY["studies"]["tiny"]["seed"] = 2
-    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(TINY), encoding="utf-8")
-    assert count_jobs(snakemake(clean, *entry, folder=elsewhere)) == {
-        "identify": 1,
-        "simulate": 1,
-        "small_table": 1,
-    }
-    TINY["studies"]["tiny"]["seed"] = 1
-    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(TINY), encoding="utf-8")
-    assert "Nothing to be done" in snakemake(clean, *entry, folder=elsewhere)
-    assert not (clean / "results").exists()
-
-
 ELSEWHERE = """
 configfile: "tiny.yaml"
 
@@ -113,22 +83,23 @@ rule everything:
 """
 
 
-@pytest.fixture
-def elsewhere(clean, snakemake, tmp_path):
+@pytest.fixture(scope="module")
+def elsewhere(clean, snakemake, tmp_path_factory):
     """Run a workflow whose module is a tag of a repository on GitHub, which is a folder here."""
-    settings = tmp_path / "gitconfig"
+    base = tmp_path_factory.mktemp("elsewhere")
+    settings = base / "gitconfig"
     settings.write_text(
-        f'[url "file://{tmp_path}/hosted/"]\ninsteadOf = https://github.com/\n'
+        f'[url "file://{base}/hosted/"]\ninsteadOf = https://github.com/\n'
         "[user]\nname = A\nemail = a@b.c\n",
         encoding="utf-8",
     )
-    variables = {"GIT_CONFIG_GLOBAL": str(settings), "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    hosted = tmp_path / "hosted" / "lab" / "ankleloop"
+    variables = {"GIT_CONFIG_GLOBAL": str(settings), "XDG_CACHE_HOME": str(base / "cache")}
+    hosted = base / "hosted" / "lab" / "ankleloop"
     shutil.copytree(clean, hosted)
     commands = (["init"], ["add", "."], ["commit", "--message", "All"], ["tag", "v1"])
     for command in commands:
         subprocess.run(["git", *command], cwd=hosted, env=os.environ | variables, check=True)
-    folder = tmp_path / "work"
+    folder = base / "work"
     folder.mkdir()
     (folder / "Snakefile").write_text(ELSEWHERE, encoding="utf-8")
 
@@ -139,17 +110,51 @@ def elsewhere(clean, snakemake, tmp_path):
     return run, folder
 
 
-def test_a_module_of_a_repository_elsewhere(elsewhere):
-    """It runs to the last page, has nothing left to do after that, and its sources are those of the tag."""
+@pytest.fixture(scope="module")
+def complete(elsewhere):
+    """Folder in which that workflow has run to the last page."""
     run, folder = elsewhere
     run(TINY)
-    assert (folder / "results/index.html").exists()
-    provenance = json.loads((folder / "results/provenance.json").read_text(encoding="utf-8"))
-    (sources,) = (folder / ".snakemake/sources").iterdir()
+    return folder
+
+
+def test_a_module_of_a_repository_elsewhere(elsewhere, complete):
+    """It runs to the last page, has nothing left to do after that, and its sources are those of the tag."""
+    run, _ = elsewhere
+    assert (complete / "results/index.html").exists()
+    provenance = json.loads((complete / "results/provenance.json").read_text(encoding="utf-8"))
+    (sources,) = (complete / ".snakemake/sources").iterdir()
     assert provenance["commit"] == sources.name
     assert "Nothing to be done" in run(TINY, "--dry-run")
     text = run(TINY | {"runs": ["tiny"]}, "--dry-run", check=False)
     assert "Configuration: tiny.yaml, line 3: config: unknown key 'runs'" in text
+
+
+def test_other_folders_have_results_of_their_own(clean, snakemake, complete, tiny, tmp_path):
+    """With a module of a folder, and with either Snakefile; chunks divided otherwise change none."""
+    (tmp_path / "Snakefile").write_text(
+        MODULE.format(repository=clean, alias="", all="all"), encoding="utf-8"
+    )
+    folder = tmp_path / "results of its own"
+    trials = "results/tables/tiny-trials.csv"
+
+    def run(*arguments, seed=1, **options):
+        study = SETTINGS | {"trials_per_chunk": 200, "seed": seed}
+        config = TINY | {"studies": {"tiny": study}}
+        (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
+        return snakemake(clean, trials, *tiny, *arguments, **options)
+
+    run("--directory", str(folder), folder=tmp_path)
+    assert set(pd.read_csv(folder / trials)["method"]) == {"pr-moesp", "riv"}
+    assert (folder / trials).read_bytes() == (complete / trials).read_bytes()
+    assert "Nothing to be done" in run("--directory", str(folder), "--dry-run")
+    # Without its records Snakemake would keep the results of other settings; a dry run changes nothing.
+    shutil.rmtree(folder / ".snakemake")
+    entry = ("--snakefile", str(clean / "workflow/Snakefile"), "--dry-run")
+    jobs = count_jobs(run(*entry, seed=2, folder=folder))
+    assert jobs == {"identify": 1, "simulate": 1, "small_table": 1}
+    assert "Nothing to be done" in run(*entry, folder=folder)
+    assert not (clean / "results").exists()
 
 
 def test_a_module_without_the_library_says_how_to_install_it(elsewhere, tmp_path):
