@@ -146,7 +146,7 @@ class AdaptiveSolution:
     ids=["third order, open loop, half a step of delay", "other load and reflex", "threshold"],
 )
 def test_loop_against_an_adaptive_solver(parameters, noise):
-    external = external_signals(2.0, noise=noise, ramp=0.5 if noise else 0.0)
+    external = external_signals(1.2, noise=noise, ramp=0.5 if noise else 0.0)
     expected = append_net(AdaptiveSolution(SimulationSettings(**parameters), *external).run())
     # Only the linear interpolation of the rectified velocity is approximate: its error is of second order.
     for integration_rate, tolerance in ((1e4, 5e-5), (4e4, 3e-6)):

@@ -65,7 +65,7 @@ class ChangingJoint(AdaptiveSolution):
 )
 def test_a_changing_joint_against_an_adaptive_solver(parameters, noise):
     """K, B and G are constant over each recorded sample: the error falls with its square."""
-    external = external_signals(1.0, noise=noise, ramp=0.5 if noise else 0.0)
+    external = external_signals(0.8, noise=noise, ramp=0.5 if noise else 0.0)
     course = draw_course(SimulationSettings(**VARIATION, **parameters), np.random.default_rng(3))
     expected = append_net(ChangingJoint(course.settings, course, *external).run())
     for integration_rate, factor, tolerance in ((1e4, 1, 5e-5), (4e4, 4, 5e-6)):
