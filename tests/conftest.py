@@ -9,6 +9,7 @@ import yaml
 from workflow_runs import PROGRAM, STUDY, Run, environment
 
 import ankleloop
+from ankleloop.jobs import recordings as job_of_recordings
 from ankleloop.plotting.style import FILE_OPTIONS
 
 ROOT = Path(__file__).parents[1]
@@ -171,3 +172,10 @@ def coarse_pictures(monkeypatch):
     for module in ("pages.recordings", "plotting.style"):
         monkeypatch.setattr(f"ankleloop.{module}.DOTS_PER_INCH", 40)
     monkeypatch.delitem(FILE_OPTIONS, ".pdf")
+
+
+@pytest.fixture
+def no_pages(monkeypatch):
+    """Pages of recordings without content, because figures take long."""
+    monkeypatch.setattr(job_of_recordings, "draw_figures", lambda *args, **options: {})
+    monkeypatch.setattr(job_of_recordings, "render_recording_page", lambda *args, **options: "")

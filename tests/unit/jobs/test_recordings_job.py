@@ -79,13 +79,6 @@ def test_a_numerical_error_refuses_one_recording(run_job, monkeypatch, capsys, n
     assert (table["subject"] == "007").all()
 
 
-@pytest.fixture
-def no_pages(monkeypatch):
-    """Pages without content, because figures take long."""
-    monkeypatch.setattr(job_of_recordings, "draw_figures", lambda *args, **options: {})
-    monkeypatch.setattr(job_of_recordings, "render_recording_page", lambda *args, **options: "")
-
-
 @pytest.mark.usefixtures("no_pages")
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes cannot be forked safely")
 def test_a_killed_process_stops_the_job(run_job, monkeypatch):
