@@ -69,7 +69,7 @@ expected: setup ## Write the results that the regression tests expect.
 lint: setup ## Check style, types, layers of the library and the workflow.
 	ruff check .
 	ruff format --check .
-	mypy
+	mypy --num-workers $(CORES)
 	lint-imports
 	nbstripout --verify --keep-id notebooks/*.ipynb
 	snakefmt --check Snakefile workflow
@@ -99,6 +99,7 @@ lock: $(READY) ## Resolve the environment again, into environment.lock.
 clean: ## Remove results, logs and the state of Snakemake.
 	rm -rf results results.zip logs .snakemake
 
+# pip compiles modules one by one, compileall on all cores; a package may have files that are no Python of this version.
 $(PACKAGES): environment.lock
 	@test -n "$(PYTHON)" || { echo "There is no Python on this machine. ankleloop needs Python 3.11 or newer."; exit 1; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
@@ -108,7 +109,8 @@ $(PACKAGES): environment.lock
 	  echo "$$("$(PYTHON)" --version) has no venv module. Install it (Debian and Ubuntu: apt install python3-venv)."; exit 1; }
 	@echo "Setting up the environment in $(VENV): two to four minutes, once."
 	"$(PYTHON)" -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --compile --no-deps --require-hashes -r environment.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps --require-hashes -r environment.lock
+	$(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || true
 	@touch $@
 
 $(READY): $(PACKAGES) pyproject.toml
