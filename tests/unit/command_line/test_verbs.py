@@ -255,6 +255,7 @@ def test_identify_keeps_options_that_a_file_refuses(run, recording, tmp_path):
     }
 
 
+@pytest.mark.usefixtures("no_pages")
 def test_identify_several_files(run, trial, tmp_path):
     """One table and one figure; a file that is refused stops no other, and its own correction is ready to copy."""
     write_recording(trial, tmp_path / "S1.mat", "matlab-5")

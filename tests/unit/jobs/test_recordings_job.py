@@ -101,6 +101,7 @@ def test_mistakes_in_the_program_stop_the_job(run_job, monkeypatch):
         run_job()
 
 
+@pytest.mark.usefixtures("no_pages")
 def test_rows_of_a_batch_are_one_recording_each_with_its_onsets(tmp_path):
     onsets = [np.arange(0.1, 14.0, 1.2), np.arange(0.5, 14.0, 1.3)]
     lines = ["batch,file,cycle_onsets"]
