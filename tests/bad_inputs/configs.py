@@ -69,16 +69,6 @@ def recordings(files=("a.mat",), **keys: Any):
     return config(studies={"s": RECORDINGS | {"files": named} | keys})
 
 
-def sweep_table(*lines: str):
-    """A configuration whose study has the points of a table."""
-
-    def make(folder: Path) -> Path:
-        table = text_file("sweep.csv", "\n".join(lines) + "\n")(folder)
-        return study(points={"table": str(table)})(folder)
-
-    return make
-
-
 def recording_table(*lines: str):
     """A table of recordings."""
     return text_file("table.csv", "\n".join(lines) + "\n")
@@ -219,19 +209,6 @@ ROWS = [
     ),
     row(
         "an unknown design", study(points=DESIGN), "design: must be 'latin-hypercube'; got 'sobol'"
-    ),
-    row("no table of points", points(table="nowhere.csv"), "nowhere.csv: the file cannot be read"),
-    row(
-        "an unknown column",
-        sweep_table("zetta", "1"),
-        PLACE,
-        "'zetta' is not a setting of the simulation",
-    ),
-    row(
-        "an empty cell",
-        sweep_table("zeta,delay", "1,0.04", ",0.05"),
-        "sweep.csv, line 3",
-        "zeta: must be a finite number",
     ),
     row(
         "an axis that does not vary",

@@ -44,7 +44,11 @@ PERIOD = 0.5  # s between two lines, as between two estimates
 @click.option("--lsl", metavar="NAME", help="A stream of the Lab Streaming Layer.")
 @partial(add_options, names=OPTIONS)
 @click.option(
-    "--memory", default=20.0, show_default=True, help="Longest window of an estimate [s]."
+    "--memory",
+    type=click.FloatRange(10, 3600),
+    default=20.0,
+    show_default=True,
+    help="Longest window of an estimate [s].",
 )
 @width_option(
     default=["K=5%"],
@@ -87,11 +91,8 @@ def live(
         raise click.UsageError("name a table, or a stream by --lsl.")
     echo(source.summary)
     recorder = Record(record, source.rate) if record else None
-    try:
-        estimate = LiveEstimate(source.rate, memory, jitter=source.jitter, record=recorder)
-        estimate.enough(widths)
-    except ValueError as error:
-        raise click.UsageError(str(error)) from None
+    estimate = LiveEstimate(source.rate, memory, jitter=source.jitter, record=recorder)
+    estimate.enough(widths)
     view = LiveView(source, estimate, widths)
     if not no_page:
         address = view.serve()

@@ -14,6 +14,8 @@ COMPARED = 10.0  # s, the last ones
 THRESHOLD = 4.0  # standard errors: K of a constant joint exceeds them once in an hour
 STEP = 0.3  # of a parameter: the change that the power is for
 
+Row = Mapping[str, float]  # values of a window, with the ends of their intervals
+
 
 class Change(NamedTuple):
     """A parameter before and after a time."""
@@ -24,9 +26,7 @@ class Change(NamedTuple):
     score: float = 0.0  # difference over its standard error
     power: float = np.nan  # probability that a step by 30 % is found
 
-    def update(
-        self, name: str, earlier: Mapping[str, float], later: Mapping[str, float], memory: float
-    ) -> Change:
+    def update(self, name: str, earlier: Row, later: Row, memory: float) -> Change:
         """The last change of a parameter, after a comparison of two windows by values and ends of intervals.
 
         It is this one, or that of the two windows if it is another, or shows this one better; the power is theirs.

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,7 @@ from ankleloop.live.change import COMPARED, Change
 from ankleloop.live.record import Record
 from ankleloop.live.stream import Stream, check_window
 from ankleloop.methods.registry import find_method, identify
-from ankleloop.options import as_real, check_argument, check_number
+from ankleloop.options import as_real, check_number
 from ankleloop.signals.sampling import parse_rate
 from ankleloop.trials.trial import check_sizes, new_trial
 
@@ -77,9 +77,10 @@ class LiveEstimate(ExitStack):
     Attributes
     ----------
     estimate : Estimate or None
-        The newest estimate.
-    samples : deque of tuple
-        The last samples that follow one another: time [s], position [rad], torque [N·m] and reference [rad].
+        The newest estimate; its times are from the beginning of its window.
+    samples : ndarray, shape (N, 4)
+        The last samples that follow one another: time [s], position [rad], torque [N·m] and, if there is any,
+        reference [rad].
 
     Raises
     ------
@@ -119,8 +120,8 @@ class LiveEstimate(ExitStack):
         find_method("riv").options.parse("method 'riv'", **options)
         self._options = options
         self.estimate: Estimate | None = None
-        self._stream = Stream(self._rate, self._memory, jitter, record)
-        self.samples = self._stream.samples
+        channels = 2 if options.get("reference") == "position" else 3
+        self._stream = Stream(self._rate, self._memory, channels, jitter, record)
         self._step = round(every * self._rate)  # samples from one estimate to the next
         self._left = self._step  # samples to the next one
         self._rows = deque[dict[str, Any]](maxlen=LONGEST_HISTORY)
@@ -164,7 +165,12 @@ class LiveEstimate(ExitStack):
             self._left -= self._stream.add(stamp, sample)
             if not self._left:
                 self._left = self._step
-                self._submit()
+                self._fit_window()
+
+    @property
+    def samples(self) -> np.ndarray:
+        """The last samples that follow one another."""
+        return self._stream.samples
 
     @property
     def history(self) -> pd.DataFrame:
@@ -187,9 +193,10 @@ class LiveEstimate(ExitStack):
         return pd.DataFrame.from_dict(self._changes, orient="index", columns=Change._fields)
 
     def enough(self, widths: Mapping[str, float]) -> bool:
-        """Whether the window is full and its intervals are as narrow as asked for.
+        """Whether the window is full, and its intervals and most of those before them are as narrow as asked for.
 
-        Intervals of shorter windows hold the truth less often.
+        Intervals of shorter windows hold the truth less often, and so do those that are narrower than most: half of all
+        full windows have to be within the width.
 
         Parameters
         ----------
@@ -203,8 +210,8 @@ class LiveEstimate(ExitStack):
 
         Raises
         ------
-        ValueError
-            For another parameter, or a width that is no number.
+        DataError
+            For another parameter.
         """
         return not np.isnan(self.enough_since(widths))
 
@@ -220,18 +227,21 @@ class LiveEstimate(ExitStack):
         -------
         float
         """
-        check_argument(dict[Literal["K", "B", "I", "G"], float], "enough", "widths", widths)
         history = self.history
-        is_enough = history["window"] > self._memory - 1.0 / self._rate
+        is_full = history["window"] > self._memory - 1.0 / self._rate
+        is_enough = is_full
         for name, width in widths.items():
+            if f"{name}_low" not in history:
+                raise DataError(f"there is no parameter {name!r}; there are K, B, I and G.")
             value = history[name]
             half_width = np.maximum(history[f"{name}_high"] - value, value - history[f"{name}_low"])
-            is_enough &= half_width <= width * value.abs()
+            share = (half_width / value.abs()).where(is_full)
+            is_enough = is_enough & (share <= width) & (share.expanding().median() <= width)
         return float(history["time"].where(is_enough[::-1].cummin()).min())
 
-    def _submit(self) -> None:
+    def _fit_window(self) -> None:
         """Fit the last samples, in the place of a window that still waits."""
-        samples = np.array(self.samples)
+        samples = self.samples
         warnings = list(self._stream.list_faults())
         if self._newest and self._newest.cancel():
             warnings.append("the fits are late: a window was left out.")
@@ -241,7 +251,8 @@ class LiveEstimate(ExitStack):
 
     def _fit(self, end: float, samples: np.ndarray, warnings: list[str]) -> None:
         """Add the row of a window."""
-        row: dict[str, Any] = {"time": end, "window": len(samples) / self._rate, "failure": ""}
+        seconds = len(samples) / self._rate
+        row: dict[str, Any] = {"time": end, "window": seconds, "failure": ""}
         try:
             if len(samples) < round(SHORTEST_RECORD * self._rate):
                 raise DataError(f"{SHORTEST_RECORD:g} s are needed in which no sample is missing.")
@@ -253,7 +264,7 @@ class LiveEstimate(ExitStack):
             row["failure"] = describe_error(error)
         else:
             row |= list_parameters(estimate)
-            row["latency"] = end - float(estimate.torque["time"].mean())
+            row["latency"] = seconds - float(estimate.torque["time"].mean())
             warnings += check_window(samples, self._rate)
             warnings += estimate.diagnostics["warnings"]
             self.estimate = estimate
@@ -261,10 +272,9 @@ class LiveEstimate(ExitStack):
         self._rows.append(row)
 
     def _identify(self, samples: np.ndarray) -> Estimate:
-        """Estimate from samples, at their times."""
-        times, position, torque, *reference = samples.T
+        """Estimate from samples."""
+        _, position, torque, *reference = samples.T
         trial = new_trial(position, torque, self._rate, *reference)
-        trial = trial.assign_coords(time=trial["time"] + times[0])
         return identify(trial, "riv", **self._options)
 
     def _find_changes(self, samples: np.ndarray) -> None:

@@ -17,12 +17,11 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
-from ankleloop.trials.channels import CHANNELS, TIME, read_channels
+from ankleloop.trials.channels import TIME, read_channels
 from ankleloop.trials.contents import Contents, Variable
 from ankleloop.trials.csv_files import CsvContents
 from ankleloop.trials.readers import choose_rate, find_factors, settle_position_unit
 from ankleloop.trials.reading_options import ReadingOptions
-from ankleloop.trials.units import time_factor
 
 STANDARD_INPUT = Path("-")
 WAIT = 0.1  # s for new samples
@@ -59,13 +58,11 @@ class Source(Contents, Iterable[Samples]):
         options = settle_position_unit(variables, options)
         self.rate = choose_rate(variables, source=source)
         self._factors = find_factors(variables, options, source=source)
-        if TIME in variables:
-            times = variables[TIME]
-            self._factors[TIME] = time_factor(times.name, times.unit, source=source) or 1.0
         columns = list(self._by_name)
         self._places = {role: columns.index(variables[role].name) for role in self._factors}
-        names = ", ".join(f"{role} {variables[role].name}" for role in CHANNELS)
-        self.summary = f"{source}, {self.rate:g} Hz: {names}; the position is in {options.position_unit or 'rad'}"
+        names = [f"{role} {variable.name}" for role, variable in variables.items()]
+        unit = options.position_unit or "rad"
+        self.summary = f"{source}, {self.rate:g} Hz, position in {unit}: {', '.join(names)}"
 
     def take(self, rows: np.ndarray) -> Samples:
         """Channels of rows, shape (N, columns)."""

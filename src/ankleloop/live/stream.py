@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -18,7 +17,9 @@ REST_SHARE = 0.01  # of the range of a reference, within which it stands still
 class Stream:
     """Keeps the last samples that follow one another, at times from the first sample of all."""
 
-    def __init__(self, rate: float, memory: float, jitter: float, record: Record | None) -> None:
+    def __init__(
+        self, rate: float, memory: float, channels: int, jitter: float, record: Record | None
+    ) -> None:
         self.end = 0.0  # of the last sample [s]
         self._rate = rate
         self._memory = memory
@@ -27,18 +28,26 @@ class Stream:
         # Times follow their stamps by this share, so that none is less than half an interval after the one before.
         self._following = 0.5 / rate / self._tolerance
         self._offset = -np.inf  # of times from stamps [s]
-        self.samples = deque[tuple[float, ...]](maxlen=round(memory * rate))
+        self._ring = np.empty((round(memory * rate), 1 + channels))
+        self._count = 0  # samples that follow one another
         self._is_repeated = False  # whether samples came twice or late
+
+    @property
+    def samples(self) -> np.ndarray:
+        """The last samples that follow one another, shape (N, 1 + channels): time [s] and channels."""
+        if self._count < len(self._ring):
+            return self._ring[: self._count].copy()
+        return np.roll(self._ring, -self._count, axis=0)
 
     def add(self, stamp: float, channels: Sequence[float]) -> bool:
         """Add a sample by its stamp [s], unless it has come already, and return whether it is new."""
         late = stamp + self._offset - self.end
         if late < -self._memory:  # the first sample, or a clock that was set back
             self._offset = self.end - stamp
-            self.samples.clear()
+            self._count = 0
         elif late > self._tolerance:
             self.end += late
-            self.samples.clear()
+            self._count = 0
         elif late >= -self._tolerance:
             self.end += self._following * late
         else:
@@ -46,18 +55,19 @@ class Stream:
             return False
         if all(map(math.isfinite, channels)):
             if self._record:
-                self._record.add(channels, is_first=not self.samples)
-            self.samples.append((self.end, *channels))
+                self._record.add(channels, is_first=self._count == 0)
+            self._ring[self._count % len(self._ring)] = (self.end, *channels)
+            self._count += 1
         else:
-            self.samples.clear()
+            self._count = 0
         self.end += 1.0 / self._rate
         return True
 
     def list_faults(self) -> Iterator[str]:
         """What is wrong with the samples that have come."""
-        is_full = len(self.samples) == self.samples.maxlen
-        if self.samples and self.samples[0][0] > 0.0 and not is_full:
-            yield f"samples are missing, the last ones before {self.samples[0][0]:.6g} s."
+        start = self._ring[0, 0]
+        if 0 < self._count < len(self._ring) and start > 0.0:
+            yield f"samples are missing, the last ones before {start:.6g} s."
         if self._is_repeated:
             yield "samples that came twice or late were left out."
         self._is_repeated = False

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from threading import Thread
 from typing import Any
 
-import numpy as np
-
 from ankleloop.live.live_estimate import LiveEstimate
 from ankleloop.live.sources import Source
 from ankleloop.pages.rendering import ENVIRONMENT, render_template
-from ankleloop.plotting.style import MEASURED, METHOD_STYLES
+from ankleloop.plotting.style import MEASURED
 from ankleloop.quantities import QUANTITIES, TRAJECTORIES
 from ankleloop.recordings.recommendation import format_with_interval
 
@@ -81,14 +79,11 @@ class LiveView:
         estimates = ColumnDataSource()
         changes = ColumnDataSource()
         torque = ColumnDataSource()
-        colour = METHOD_STYLES["riv"].colour
         panels = []
         for name in TRAJECTORIES:
             panel = figure(y_axis_label=QUANTITIES[name].label, **PANEL)
-            panel.varea(
-                "time", f"{name}_low", f"{name}_high", source=estimates, color=colour, alpha=0.25
-            )
-            panel.line("time", name, source=estimates, color=colour, line_width=2)
+            panel.varea("time", f"{name}_low", f"{name}_high", source=estimates, alpha=0.25)
+            panel.line("time", name, source=estimates, line_width=2)
             panel.vspan("since", source=changes, line_dash="dashed")
             panels.append(panel)
         panel = figure(y_axis_label=QUANTITIES["torque"].label, **PANEL)
@@ -98,8 +93,8 @@ class LiveView:
             numbers = self.live.history.iloc[-SHOWN_ROWS:, :-2]  # the texts are in the last columns
             estimates.data = dict(numbers)
             changes.data = dict(self.live.change)
-            last = np.reshape(list(self.live.samples)[-SHOWN_SAMPLES:], (-1, 4))
-            torque.data = {"time": last[:, 0], "torque": last[:, 2]}
+            times, _, torques, _ = self.live.samples[-SHOWN_SAMPLES:].T
+            torque.data = {"time": times, "torque": torques}
             text.text = self.render("live_text.html.j2")
 
         update()

@@ -139,10 +139,13 @@ def settle_position_unit(variables: Mapping[str, Variable], options: Reading) ->
 def find_factors(
     variables: Mapping[str, Variable], options: Reading, *, source: str
 ) -> dict[str, float]:
-    """Factors by which channels are in rad and N·m and have the signs of the library; another unit is refused."""
+    """Factors by which channels are in rad and N·m and have the signs of the library, and times in s; else refused."""
     factors = {}
     for role, variable in variables.items():
-        if role in (TIME, RATE, *options.further):
+        if role in (RATE, *options.further):
+            continue
+        if role == TIME:
+            factors[TIME] = time_factor(variable.name, variable.unit, source=source) or 1.0
             continue
         unit = options.position_unit
         sign = options.position_sign
