@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.markers import CARETLEFTBASE, CARETRIGHTBASE
 from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import ArrayLike
@@ -61,8 +60,6 @@ LEGEND_LETTER = 3.8  # points
 LEGEND_HANDLE = 34.0  # points of the line beside a label
 LEGEND_ROW = 4.2  # mm
 LEGEND_GAP = 1.5  # mm above it
-PADDING = 1.1  # mm around panels with their labels
-TITLE_ROW = 6.0  # mm
 MOST_SYMBOLS = 25  # means of a curve that have a symbol each
 MOST_LABELS = 6  # of a logarithmic axis
 # Digits that have a label in each decade, by the room that there is.
@@ -310,63 +307,34 @@ def finish(figure: DataFigure) -> DataFigure:
             axis.tick_params(labelbottom=False)
         else:  # also where the panels below are hidden
             axis.tick_params(labelbottom=True)
-    legend_height = add_legend(figure)
     # The layout of another figure is its owner's.
-    if isinstance(figure, DataFigure) and figure.get_layout_engine() is None:
-        _place_panels(figure, places, legend_height)
+    has_layout = not isinstance(figure, DataFigure) or figure.get_layout_engine() is not None
+    if not has_layout:
+        figure.tight_layout(pad=0.4)  # once, where an engine would do it for every drawing
+    height = figure.get_figheight()
+    add_legend(figure)
+    if not has_layout:  # panels keep their size, and their distance from the upper edge
+        share = height / figure.get_figheight()
+        margins = figure.subplotpars
+        bottom = 1.0 - share * (1.0 - margins.bottom)
+        top = 1.0 - share * (1.0 - margins.top)
+        figure.subplots_adjust(bottom=bottom, top=top)
     return figure
 
 
-def _place_panels(figure: Any, panels: Mapping[tuple[int, int], Any], below: float) -> None:
-    """Give panels, by row and column, the room that their labels leave above a height [mm] for the legend.
-
-    Labels are measured once: the layouts of matplotlib do so several times, which takes longer than the drawing.
-    """
-    renderer = RendererAgg(1, 1, figure.dpi)
-    pixels = figure.dpi / 25.4  # in a millimetre
-    grid = figure.axes[0].get_gridspec()
-    margins = np.full((*grid.get_geometry(), 4), PADDING * pixels)  # left, below, right, above
-    for place, axis in panels.items():
-        outer = axis.get_tightbbox(renderer, for_layout_only=True, bbox_extra_artists=[])
-        margins[place] += np.abs(outer.extents - axis.bbox.extents)
-    margins[-1, :, 1] += below * pixels
-    if figure.get_suptitle():
-        margins[0, :, 3] += TITLE_ROW * pixels
-    margins /= np.tile(figure.bbox.size, 2)
-    left, _, right, _ = margins.max(axis=0).T
-    _, lower, _, upper = margins.max(axis=1).T
-    right_ends, widths = _divide(left, right, grid.get_width_ratios())
-    lower_ends, heights = _divide(upper, lower, grid.get_height_ratios())
-    for (row, column), axis in panels.items():
-        start = right_ends[column] - widths[column]
-        axis.set_position((start, 1.0 - lower_ends[row], widths[column], heights[row]))
-
-
-def _divide(
-    before: np.ndarray, after: np.ndarray, ratios: Sequence[float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Ends and lengths of panels one after the other in a length of one, with margins before and after each."""
-    lengths = (1.0 - np.sum(before + after)) * np.array(ratios) / np.sum(ratios)
-    return np.cumsum(before + lengths + after) - after, lengths
-
-
-def add_legend(figure: DataFigure) -> float:
-    """Put the entries of all lines below the panels, as many in a row as fit; the height [mm] of the legend.
-
-    Each label is there once, those of marks last.
-    """
+def add_legend(figure: DataFigure) -> None:
+    """Put the entries of all lines below the panels, as many in a row as fit: each label once, those of marks last."""
     lines: dict[str, Artist] = {}
     for axis in figure.axes:
         for line, label in zip(*axis.get_legend_handles_labels(), strict=True):
             lines.setdefault(label, line)
     if not lines:
-        return 0.0
+        return
     shown = sorted(lines.values(), key=lambda line: LEGEND_PLACES[line.get_gid()])
     width = LEGEND_LETTER * max(map(len, lines)) + LEGEND_HANDLE
     columns = max(1, min(len(lines), int(72.0 * figure.bbox.width / figure.dpi / width)))
     rows = -(-len(lines) // columns)
-    height = LEGEND_ROW * rows + LEGEND_GAP
     if isinstance(figure, DataFigure):  # the height of another one is its owner's
-        figure.set_figheight(figure.get_figheight() + height / 25.4)
+        space = (LEGEND_ROW * rows + LEGEND_GAP) / 25.4
+        figure.set_figheight(figure.get_figheight() + space)
     figure.legend(handles=shown, loc="outside lower center", ncols=columns)
-    return height
