@@ -82,13 +82,11 @@ def live(
     from ankleloop.pages.live import LiveView
     from ankleloop.trials.files import write_csv
 
-    source: Source
-    if lsl and not table:
-        source = StreamSource(lsl, parse_reading(Path(lsl), **values))
-    elif table and not lsl:
-        source = TableSource(table, parse_reading(table, **values))
-    else:
+    if bool(lsl) == bool(table):
         raise click.UsageError("name a table, or a stream by --lsl.")
+    place = table or Path(str(lsl))
+    options = parse_reading(place, **values)
+    source: Source = StreamSource(lsl, options) if lsl else TableSource(place, options)
     echo(source.summary)
     recorder = Record(record, source.rate) if record else None
     estimate = LiveEstimate(source.rate, memory, jitter=source.jitter, record=recorder)

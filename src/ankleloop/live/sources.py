@@ -107,14 +107,9 @@ class StreamSource(Source):
 
     def require(self, name: str) -> Variable:
         """Channel of a label or a number; one of another stream is refused."""
-        if self.find(name):
-            return super().require(name)
-        if name.isdecimal() and int(name) < len(self.variables):
-            return self.variables[int(name)]
-        raise DataError(
-            f"{self.path.name}: there is no channel {name!r}; the stream has: {self.describe(self.names())}. If "
-            "another one has it, let one program send all channels in one stream, at the same times."
-        )
+        if name.isdecimal() and not self.find(name):
+            name = dict(enumerate(self._by_name)).get(int(name), name)
+        return super().require(name)
 
     def __iter__(self) -> Iterator[Samples]:
         """Samples; a stream that ends is waited for, unless it has no identity by which it would be known again."""

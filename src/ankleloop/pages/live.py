@@ -90,8 +90,7 @@ class LiveView:
         panel.line("time", "torque", source=torque, color=MEASURED.colour)
 
         def update() -> None:
-            numbers = self.live.history.iloc[-SHOWN_ROWS:, :-2]  # the texts are in the last columns
-            estimates.data = dict(numbers)
+            estimates.data = dict(self.live.history.tail(SHOWN_ROWS))
             changes.data = dict(self.live.change)
             times, _, torques, _ = self.live.samples[-SHOWN_SAMPLES:].T
             torque.data = {"time": times, "torque": torques}

@@ -25,7 +25,9 @@ def test_a_table_from_standard_input(run, trial, tmp_path):
     (tmp_path / "history.csv").write_text("mine")
     result = run("live", "-", "--no-page", "--memory", "10", "--width", "K=20%")
     assert result.status == 0
-    assert "position in deg: position angle_deg, torque torque_nm, reference command_deg" in result.out
+    assert (
+        "position in deg: position angle_deg, torque torque_nm, reference command_deg" in result.out
+    )
     assert re.search(r"   12\.0 s  K \d.*K within ± 20 %: yes, since 1\d", result.out)
     assert (tmp_path / "history.csv").read_text() == "mine"  # what was there stays
     last = pd.read_csv("history-2.csv").iloc[-1]
