@@ -7,14 +7,12 @@ SCORES = {"keep": "scores"}
 ESTIMATES = {"keep": "estimates"}
 STUDIES = [
     ("lengths", "several", {}),
-    ("two numbers", "paper", {}),
     ("two numbers", "table 1", SCORES),
     ("a number", "passes", ESTIMATES),
     ("the loop", "real-time", ESTIMATES),
     ("a number", "selected", SCORES),
     ("null", "varying", ESTIMATES),
     ("words", "one", SCORES),
-    ("setting and option", "moesp", SCORES),
 ]
 
 
