@@ -9,7 +9,6 @@ import yaml
 from workflow_runs import PROGRAM, STUDY, Run, environment
 
 import ankleloop
-from ankleloop.jobs import recordings as job_of_recordings
 from ankleloop.plotting.style import FILE_OPTIONS
 
 ROOT = Path(__file__).parents[1]
@@ -177,5 +176,6 @@ def coarse_pictures(monkeypatch):
 @pytest.fixture
 def no_pages(monkeypatch):
     """Pages of recordings without content, because figures take long."""
-    monkeypatch.setattr(job_of_recordings, "draw_figures", lambda *args, **options: {})
-    monkeypatch.setattr(job_of_recordings, "render_recording_page", lambda *args, **options: "")
+    module = "ankleloop.jobs.recordings"
+    monkeypatch.setattr(f"{module}.draw_figures", lambda *args, **options: {})
+    monkeypatch.setattr(f"{module}.render_recording_page", lambda *args, **options: "")

@@ -76,10 +76,19 @@ def draw_slow_noise(
 
     Shapes: returns (samples,).
     """
+    from scipy.signal import sosfilt
+
+    sections, deviation = _slow_filter(rate, cutoff)
+    warmup = int(np.ceil(VOLUNTARY_WARMUP * rate / cutoff))
+    slow = sosfilt(sections, rng.standard_normal(warmup + samples))[warmup:]
+    return slow / deviation
+
+
+@lru_cache
+def _slow_filter(rate: float, cutoff: float) -> tuple[np.ndarray, float]:
+    """Sections of the low-pass, and the deviation of white noise behind it; all trials of a study have the same."""
     from scipy.signal import bessel, sosfilt
 
     sections = bessel(2, cutoff, fs=rate, norm="mag", output="sos")
-    warmup = int(np.ceil(VOLUNTARY_WARMUP * rate / cutoff))
-    response = sosfilt(sections, np.eye(1, 2 * warmup + 1)[0])
-    slow = sosfilt(sections, rng.standard_normal(warmup + samples))[warmup:]
-    return slow / np.linalg.norm(response)
+    impulse = np.eye(1, 2 * int(np.ceil(VOLUNTARY_WARMUP * rate / cutoff)) + 1)[0]
+    return sections, float(np.linalg.norm(sosfilt(sections, impulse)))

@@ -36,13 +36,15 @@ def test_a_table_from_standard_input(run, trial, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "status", "words"),
     [
-        (["-", "--lsl", "a"], "name a table, or a stream by --lsl"),
-        (["-", "--memory", "3"], "memory"),
+        (["-", "--lsl", "a"], 2, "name a table, or a stream by --lsl"),
+        (["-", "--memory", "3"], 2, "memory"),
+        (["-", "--width", "stiffness=5%"], 1, "there is no parameter 'stiffness'"),
+        (["-", "--torque", "force"], 1, "there is no variable 'force'"),
     ],
 )
-def test_wrong_options(run, trial, arguments, words):
+def test_wrong_options(run, trial, arguments, status, words):
     result = run("live", "--no-page", *arguments)
-    assert result.status == 2
+    assert result.status == status
     assert words in result.err
