@@ -1,5 +1,6 @@
 """The page of `ankleloop live`: it moves, fits into every screen, and has a token."""
 
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from urllib.parse import urljoin
 
@@ -24,7 +25,8 @@ def test_the_page_moves_and_only_a_browser_with_its_token_sees_it(browser, pixel
         live.add(part["position"], part["torque"], part["reference"])
 
     add(0, 12_000)
-    address = view.serve()
+    with ThreadPoolExecutor(1) as pool:  # the browser has the event loop of this thread
+        address = pool.submit(view.serve).result()
     with browser.new_context(viewport={"width": pixels, "height": 900}) as context:
         page = context.new_page()
         faults = []

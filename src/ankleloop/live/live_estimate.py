@@ -79,8 +79,8 @@ class LiveEstimate(ExitStack):
     estimate : Estimate or None
         The newest estimate; its times are from the beginning of its window.
     samples : ndarray, shape (N, 4)
-        The last samples that follow one another: time [s], position [rad], torque [N·m] and, if there is any,
-        reference [rad].
+        The last samples that follow one another: time [s], position [rad], torque [N·m] and reference [rad], which is
+        the position with ``reference="position"``.
 
     Raises
     ------
@@ -120,11 +120,10 @@ class LiveEstimate(ExitStack):
         find_method("riv").options.parse("method 'riv'", **options)
         self._options = options
         self.estimate: Estimate | None = None
-        channels = 2 if options.get("reference") == "position" else 3
-        self._stream = Stream(self._rate, self._memory, channels, jitter, record)
+        self._stream = Stream(self._rate, self._memory, jitter, record)
         self._step = round(every * self._rate)  # samples from one estimate to the next
         self._left = self._step  # samples to the next one
-        self._rows = deque[dict[str, Any]](maxlen=LONGEST_HISTORY)
+        self._rows = deque[tuple[Any, ...]](maxlen=LONGEST_HISTORY)
         self._changes = {"K": Change(), "G": Change()}
         self._beside = beside
         self._pool = self.enter_context(ThreadPoolExecutor(1))
@@ -156,9 +155,14 @@ class LiveEstimate(ExitStack):
         """
         if time is None:
             time = self._stream.end + np.arange(np.size(position)) / self._rate
-        given: dict[str, Any] = {"time": time, "position": position, "torque": torque}
-        if self._options.get("reference") != "position":
-            given["reference"] = reference
+        if self._options.get("reference") == "position":
+            reference = position
+        given: dict[str, Any] = {
+            "time": time,
+            "position": position,
+            "torque": torque,
+            "reference": reference,
+        }
         channels = {name: as_real(values, name).ravel() for name, values in given.items()}
         check_sizes({name: values.size for name, values in channels.items()}, source=OWNER)
         for stamp, *sample in np.column_stack(list(channels.values())).tolist():
@@ -233,19 +237,17 @@ class LiveEstimate(ExitStack):
         for name, width in widths.items():
             if f"{name}_low" not in history:
                 raise DataError(f"there is no parameter {name!r}; there are K, B, I and G.")
-            value = history[name]
-            half_width = np.maximum(history[f"{name}_high"] - value, value - history[f"{name}_low"])
-            share = (half_width / value.abs()).where(is_full)
-            is_enough = is_enough & (share <= width) & (share.expanding().median() <= width)
+            half_width = (history[f"{name}_high"] - history[f"{name}_low"]) / 2.0
+            share = (half_width / history[name].abs()).where(is_full)
+            is_enough = is_enough & (np.maximum(share, share.expanding().median()) <= width)
         return float(history["time"].where(is_enough[::-1].cummin()).min())
 
     def _fit_window(self) -> None:
         """Fit the last samples, in the place of a window that still waits."""
-        samples = self.samples
         warnings = list(self._stream.list_faults())
         if self._newest and self._newest.cancel():
             warnings.append("the fits are late: a window was left out.")
-        self._newest = self._pool.submit(self._fit, self._stream.end, samples, warnings)
+        self._newest = self._pool.submit(self._fit, self._stream.end, self.samples, warnings)
         if not self._beside:
             self._newest.result()
 
@@ -269,19 +271,21 @@ class LiveEstimate(ExitStack):
             warnings += estimate.diagnostics["warnings"]
             self.estimate = estimate
         row["warnings"] = " ".join(warnings)
-        self._rows.append(row)
+        # Without dictionaries, which would lie among the arrays of the fits, and keep what those free from the system.
+        self._rows.append(tuple(pd.Series(row, COLUMNS)))
 
     def _identify(self, samples: np.ndarray) -> Estimate:
         """Estimate from samples."""
-        _, position, torque, *reference = samples.T
-        trial = new_trial(position, torque, self._rate, *reference)
+        _, position, torque, reference = samples.T
+        trial = new_trial(position, torque, self._rate, reference)
         return identify(trial, "riv", **self._options)
 
     def _find_changes(self, samples: np.ndarray) -> None:
         """Compare the last seconds with the window before them."""
         last = samples[-round(COMPARED * self._rate) :]
         # A window ends at the time of the sample that would come next.
-        earlier = [row for row in self._rows if row["time"] < last[1, 0]][-1]
+        history = self.history
+        earlier = history[history["time"] < last[1, 0]].iloc[-1].to_dict()
         later = list_parameters(self._identify(last))
         for name, change in self._changes.items():
             self._changes[name] = change.update(name, earlier, later, self._memory)

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
@@ -100,7 +101,7 @@ class StreamSource(Source):
         units = info.get_channel_units() or [""] * count
         for label, unit in zip(labels, units, strict=True):
             # Whatever comes is more than a single number.
-            self.variables.append(Variable(label, (2,), lambda: np.zeros(2), {"units": unit}))
+            self.variables.append(Variable(label, (2,), partial(np.zeros, 2), {"units": unit}))
         self.file_attributes = {"sampling_rate": info.nominal_srate() or None}
         # A channel of times is not read: samples have stamps.
         self.find_channels(options.model_copy(update={"time": None}))

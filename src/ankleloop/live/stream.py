@@ -17,9 +17,7 @@ REST_SHARE = 0.01  # of the range of a reference, within which it stands still
 class Stream:
     """Keeps the last samples that follow one another, at times from the first sample of all."""
 
-    def __init__(
-        self, rate: float, memory: float, channels: int, jitter: float, record: Record | None
-    ) -> None:
+    def __init__(self, rate: float, memory: float, jitter: float, record: Record | None) -> None:
         self.end = 0.0  # of the last sample [s]
         self._rate = rate
         self._memory = memory
@@ -28,13 +26,13 @@ class Stream:
         # Times follow their stamps by this share, so that none is less than half an interval after the one before.
         self._following = 0.5 / rate / self._tolerance
         self._offset = -np.inf  # of times from stamps [s]
-        self._ring = np.empty((round(memory * rate), 1 + channels))
+        self._ring = np.empty((round(memory * rate), 4))
         self._count = 0  # samples that follow one another
         self._is_repeated = False  # whether samples came twice or late
 
     @property
     def samples(self) -> np.ndarray:
-        """The last samples that follow one another, shape (N, 1 + channels): time [s] and channels."""
+        """The last samples that follow one another, shape (N, 4): time [s], position, torque and reference."""
         if self._count < len(self._ring):
             return self._ring[: self._count].copy()
         return np.roll(self._ring, -self._count, axis=0)
@@ -78,7 +76,6 @@ def check_window(samples: np.ndarray, rate: float) -> Iterator[str]:
     measured = (len(samples) - 1) / np.ptp(samples[:, 0])
     if abs(measured - rate) > RATE_TOLERANCE * rate:
         yield f"samples come at {measured:.6g} Hz, and not at {rate:g} Hz."
-    for reference in samples.T[3:]:
-        last = reference[-round(REST * rate) :]
-        if np.ptp(last) < REST_SHARE * np.ptp(reference):
-            yield f"the reference has stood still for {REST:g} s or longer."
+    reference = samples[:, 3]
+    if np.ptp(reference[-round(REST * rate) :]) < REST_SHARE * np.ptp(reference):
+        yield f"the reference has stood still for {REST:g} s or longer."

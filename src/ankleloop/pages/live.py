@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -48,12 +47,6 @@ class LiveView:
 
     def serve(self) -> str:
         """Serve the page on this machine alone; its address has a token, without which nothing is served."""
-        loop = asyncio.new_event_loop()
-        Thread(target=loop.run_forever, daemon=True).start()
-        return asyncio.run_coroutine_threadsafe(self._serve(), loop).result()
-
-    async def _serve(self) -> str:
-        """Begin to serve."""
         from bokeh.server.server import Server  # here: it takes a second
 
         token = secrets.token_urlsafe(16)
@@ -66,6 +59,7 @@ class LiveView:
             redirect_root=False,
         )
         server.start()
+        Thread(target=server.io_loop.start, daemon=True).start()
         return f"http://localhost:{server.port}/{token}/"
 
     def _build(self, document: Any) -> None:
