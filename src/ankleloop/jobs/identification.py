@@ -84,9 +84,6 @@ def identify_trials(
                 keys = {"study": study, "point": point, **values, "method": name, "trial": number}
                 rows.append(keys | row)
         log.info("%s: identified trial %d", condition, number)
-        if isinstance(prepared, PreparedTrial):
-            # Else trials would stay in memory until Python next searches for reference cycles.
-            prepared.computed.clear()
     table = as_table(rows, types)
     if estimates is not None:
         estimates.write(files["estimates"], overwrite=True)

@@ -86,8 +86,8 @@ class PreparedTrial:
             str(name): variable.values for name, variable in self.trial.variables.items()
         }
         self.time = self.samples["time"]  # of every sample [s], shape (samples,)
-        # Values by what they were computed of. Some of them refer to the trial: until they are cleared it stays in
-        # memory, until Python next searches for reference cycles.
+        # Values by what they were computed of. None may refer to the trial: it would stay in memory until Python next
+        # searches for reference cycles.
         self.computed: dict[Hashable, Any] = {}
 
     def check_variable(self, name: str, option: str | None = None) -> None:
@@ -197,16 +197,17 @@ def predict_inputs(
 
     Shapes: returns (N, 3 + k), on the samples of the regressors of each trial.
     """
-    return _predict_inputs(trials[0], tuple(trials), tuple(records))
+    return _predict_inputs(trials[0], tuple(trials[1:]), tuple(records))
 
 
 @once
 def _predict_inputs(
     first_trial: PreparedTrial,
-    trials: tuple[PreparedTrial, ...],
+    others: tuple[PreparedTrial, ...],
     records: tuple[Regressors, ...],
 ) -> list[np.ndarray]:
     """The same; the first trial keeps them."""
+    trials = [first_trial, *others]
     first = records[0]
     name = str(first.reference_name)
     if name == "position":  # an open-loop record: the reference explains all of it

@@ -123,7 +123,7 @@ class LiveEstimate(ExitStack):
         self._stream = Stream(self._rate, self._memory, jitter, record)
         self._step = round(every * self._rate)  # samples from one estimate to the next
         self._left = self._step  # samples to the next one
-        self._rows = deque[tuple[Any, ...]](maxlen=LONGEST_HISTORY)
+        self._rows = deque[dict[str, Any]](maxlen=LONGEST_HISTORY)
         self._changes = {"K": Change(), "G": Change()}
         self._beside = beside
         self._pool = self.enter_context(ThreadPoolExecutor(1))
@@ -271,8 +271,7 @@ class LiveEstimate(ExitStack):
             warnings += estimate.diagnostics["warnings"]
             self.estimate = estimate
         row["warnings"] = " ".join(warnings)
-        # Without dictionaries, which would lie among the arrays of the fits, and keep what those free from the system.
-        self._rows.append(tuple(pd.Series(row, COLUMNS)))
+        self._rows.append(row)
 
     def _identify(self, samples: np.ndarray) -> Estimate:
         """Estimate from samples."""
@@ -284,8 +283,7 @@ class LiveEstimate(ExitStack):
         """Compare the last seconds with the window before them."""
         last = samples[-round(COMPARED * self._rate) :]
         # A window ends at the time of the sample that would come next.
-        history = self.history
-        earlier = history[history["time"] < last[1, 0]].iloc[-1].to_dict()
+        earlier = [row for row in self._rows if row["time"] < last[1, 0]][-1]
         later = list_parameters(self._identify(last))
         for name, change in self._changes.items():
             self._changes[name] = change.update(name, earlier, later, self._memory)

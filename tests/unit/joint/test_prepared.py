@@ -1,5 +1,8 @@
 """A prepared trial: methods and scores share its values, and give exactly the results that they give alone."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -35,6 +38,20 @@ def test_options_do_not_mix(trials):
         assert identify(shared, "parallel-cascade", **cascade) == identify(
             trials[0], "parallel-cascade", **cascade
         )
+
+
+# --- memory
+
+
+def test_a_trial_is_freed_with_its_last_name(trials):
+    prepared = prepare(trials[0])
+    identify(prepared, "riv")
+    alive = weakref.ref(prepared)
+    gc.disable()
+    del prepared
+    is_alive = alive() is not None
+    gc.enable()
+    assert not is_alive
 
 
 # --- editing
