@@ -36,9 +36,9 @@ unlock: setup ## After a run that was killed: take away its lock, so that make c
 
 setup: $(READY) ## Set up the environment in .venv, from environment.lock.
 
-# As many processes as cores; a test file stays in one.
+# As many processes as cores; a test file stays in one, and files keep their order: the longest first.
 test: setup ## Set up what is missing, then run the tests.
-	OMP_NUM_THREADS=1 python -m pytest -n $(CORES) --dist loadgroup $(ARGS)
+	OMP_NUM_THREADS=1 python -m pytest -n $(CORES) --dist loadgroup --no-loadscope-reorder $(ARGS)
 
 # Faults and all that takes long: kills, full disks, fuzzing, a Slurm of one node, memory, processors, the package.
 nightly: setup ## An hour: killed runs, full disks, damaged files, Slurm, memory, coverage of intervals.

@@ -47,25 +47,17 @@ assert main(["identify", "Sc.h5", *options, "--overwrite"]) == 0
 """
 
 
-def run(program, folder):
-    """Run a program without POSIX in a folder; what it prints."""
+def test_library_and_commands(tmp_path):
     process = subprocess.run(
-        [sys.executable, "-c", FILES + program],
-        cwd=folder,
+        [sys.executable, "-c", FILES + LIBRARY + COMMANDS],
+        cwd=tmp_path,
         env=os.environ | {"PYTHONPATH": FOLDERS, "PYTHONIOENCODING": "cp1252"},
         capture_output=True,
         encoding="cp1252",
     )
-    assert process.returncode == 0, process.stdout + process.stderr
-    return process.stdout + process.stderr
-
-
-def test_the_library(tmp_path):
-    assert run(LIBRARY, tmp_path).count("there is no variable 'moment'") == 3
-
-
-def test_the_command_line(tmp_path):
-    output = run(COMMANDS, tmp_path)
+    output = process.stdout + process.stderr
+    assert process.returncode == 0, output
+    assert output.count("there is no variable 'moment'") == 3
     assert "in N·m" in output
     assert "next: ankleloop identify Sa.csv --position angle_deg" in output
     assert "recording 2 of 2: Sc (Sc.h5)" in output
