@@ -14,6 +14,8 @@ from ankleloop.plotting.style import FILE_OPTIONS
 ROOT = Path(__file__).parents[1]
 collect_ignore_glob = ["*/conftest.py"]  # they have no examples, and share a name
 COMPILED = (".pyc", ".nbi", ".nbc")  # modules and kernels
+# Tests that run before all others: the longest, which keeps the processors busy, and those that wait most of the time.
+FIRST = ("test_workflow.py", "unit/live", "unit/trials")
 PARTS = ("Snakefile", "workflow", "config", "notebooks", "data", "src", "profiles")
 
 
@@ -28,6 +30,7 @@ def pytest_addoption(parser):
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Where tests run in several processes: one for each file, and one for all tests of the shared reproduction."""
+    items.sort(key=lambda item: not any(name in item.nodeid for name in FIRST))
     for item in items:
         shared = "repository" in getattr(item, "fixturenames", ())
         item.add_marker(pytest.mark.xdist_group("reproduction" if shared else str(item.path)))
