@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from workflow_runs import PROGRAM, STUDY, Run, environment
+from workflow_runs import PROGRAM, STUDY, TINY, Run, environment
 
 import ankleloop
 from ankleloop.plotting.style import FILE_OPTIONS
@@ -63,6 +63,20 @@ def copy_repository(tmp_path_factory):
 def repository(copy_repository):
     """A copy of the repository that the tests of the whole workflow share."""
     return copy_repository()
+
+
+@pytest.fixture(scope="session")
+def clean(copy_repository):
+    """A copy of the repository without results."""
+    return copy_repository()
+
+
+@pytest.fixture
+def tiny(tmp_path):
+    """Options of a run of one point."""
+    path = tmp_path / "tiny.yaml"
+    path.write_text(yaml.safe_dump(TINY), encoding="utf-8")
+    return "--configfile", str(path)
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -29,6 +30,22 @@ STUDY = {
     },
 }
 CHUNKS = 4
+SETTINGS = STUDY["studies"]["study"] | {
+    "trials": 2,
+    "trials_per_chunk": 1,
+    "points": {"reflex_gain": [13.0]},
+}
+TINY = {"run": ["tiny"], "studies": {"tiny": SETTINGS}}
+MODULE = """
+module ankleloop:
+    snakefile: "{repository}/workflow/Snakefile"
+
+use rule * from ankleloop{alias}
+
+rule everything_of_the_module:
+    default_target: True
+    input: rules.{all}.input
+"""
 # Files that hold times of the run.
 DATED = {".snakemake_timestamp", "index.html", "ro-crate-metadata.json"}
 
@@ -123,3 +140,16 @@ def mount(*arguments, folder):
         yield
     finally:
         subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+def count_jobs(text):
+    """Number of jobs by rule in the statistics of a dry run."""
+    table = text.split("Job stats:")[-1].split("total")[0]
+    jobs = {
+        rule: int(number) for rule, number in re.findall(r"^(\w+) +(\d+)$", table, re.MULTILINE)
+    }
+    return {
+        rule: number
+        for rule, number in jobs.items()
+        if rule not in ("all", "everything", "paper_all")
+    }

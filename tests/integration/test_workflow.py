@@ -88,15 +88,6 @@ def test_settings_rerun_exactly_what_depends_on_them(plan):
     assert jobs == chunks | report_jobs("table1", 2) | report_jobs("table2", 1) | SUMMARIES
 
 
-def test_new_points_are_predicted_again(plan, reproduction):
-    points = [{"reflex_gain": 2.0, "voluntary": 0.1}]
-    jobs = plan(efficiency={"points": points})
-    assert jobs["predict efficiency"] == 1
-    table = pd.read_parquet(reproduction / "results/tables/efficiency-predictions.parquet")
-    kinds = ["known delay", "unknown delay", "reference alone"]
-    assert table["kind"].value_counts().to_dict() == dict.fromkeys(kinds, 5)
-
-
 @pytest.fixture
 def touch(reproduction):
     """Change a module of the library until the end of the test."""
