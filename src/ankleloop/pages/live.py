@@ -16,6 +16,7 @@ from ankleloop.quantities import QUANTITIES, TRAJECTORIES
 from ankleloop.recordings.recommendation import format_with_interval
 
 PERIOD = 500  # ms between two pictures
+WIDTH = 0.5  # s of an estimate: there is one each half second
 SHOWN_ROWS = 1200  # of the estimates
 SHOWN_SAMPLES = 5000  # of the torque
 PANEL: dict[str, Any] = {
@@ -76,7 +77,16 @@ class LiveView:
         panels = []
         for name in TRAJECTORIES:
             panel = figure(y_axis_label=QUANTITIES[name].label, **PANEL)
-            panel.varea("time", f"{name}_low", f"{name}_high", source=estimates, alpha=0.25)
+            # Bars, because an area would go on where there is no estimate.
+            panel.vbar(
+                "time",
+                WIDTH,
+                f"{name}_high",
+                f"{name}_low",
+                source=estimates,
+                alpha=0.25,
+                line_color=None,
+            )
             panel.line("time", name, source=estimates, line_width=2)
             panel.vspan("since", source=changes, line_dash="dashed")
             panels.append(panel)
