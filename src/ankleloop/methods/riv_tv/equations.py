@@ -73,9 +73,10 @@ class TimeVaryingEquations:
         self.repeated: CycleMean | SmoothPart = self.smooth_part
         if self.course.equal_cycles:
             self.repeated = CycleMean.of(self.course)
-        self._unweighted = self.whitener(
-            lambda spectra: self.transform.signals(spectra)[..., self.course.rows]
-        )
+        # Without these equations, which would refer to themselves, and stay in memory.
+        signals = self.transform.signals
+        rows = self.course.rows
+        self._unweighted = self.whitener(lambda spectra: signals(spectra)[..., rows])
         torques = [torque - torque.mean() for torque in self._channels("torque")]
         self.torque = self.spectra(np.concatenate(torques))
         positions = join_positions(trials, self.grids)
