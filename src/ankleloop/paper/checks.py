@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -83,7 +84,7 @@ class Case:
     # Further measurements by `quantity`: columns `value`, `low` and `high`, the ends of the 95 % interval.
     measurements: pd.DataFrame
 
-    @property
+    @cached_property
     def settings(self) -> dict[str, Any]:
         """Settings of the points that the claim needs; a list where it needs several values."""
         text = self.claim.settings

@@ -130,11 +130,14 @@ class Studies(Mapping):
             }
             for part in varied
         }
-        tables = []
+        parts = []
         for (point, values), method in product(points.items(), METHODS[study]):
             error = self.error(study, values, method)
             error = default_error(study, values, method) if error is None else error
             columns = {
+                "point": point,
+                "method": method,
+                "passes": 27.0,
                 "K": 150.0 + 1.5 * error + self.noise(study, point, method),
                 "trial": range(self.trials),
             }
@@ -144,25 +147,31 @@ class Studies(Mapping):
                 vaf = mean + self.noise(study, point, method, torque)
                 names = [f"vaf_{torque}_{against}" for against in ("measured", "true")]
                 columns |= dict.fromkeys([torque] if torque in UNSEEN else names, vaf)
-            tables.append(pd.DataFrame(columns).assign(point=point, method=method, passes=27.0))
-        table = pd.concat(tables, ignore_index=True)
-        return StudyResults(study, points, table, {})
+            parts.append(
+                {name: np.broadcast_to(values, self.trials) for name, values in columns.items()}
+            )
+        table = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return StudyResults(study, points, pd.DataFrame(table), {})
 
     def noise(self, *key):
         """Deviations of zero mean."""
+        if not self.spread:
+            return np.zeros(self.trials)
         noise = self.spread * np.random.default_rng(zlib.crc32(repr(key).encode())).standard_normal(
             self.trials
         )
         return noise - noise.mean()
 
 
-def build_ledger(studies=None, measurements=(), claims=CLAIMS, **results):
+def build_ledger(
+    studies=None, measurements=(), claims=CLAIMS, findings=FINDINGS, tables=TABLES, **results
+):
     quantities = MEASUREMENTS | dict(measurements)
     table = pd.DataFrame(
         [(name, *values) for name, values in quantities.items() if values],
         columns=["quantity", "value", "low", "high"],
     )
-    published = {**TABLES, "claims": claims, "findings": FINDINGS}
+    published = {**tables, "claims": claims, "findings": findings}
     return verify(published, Studies(**results) if studies is None else studies, table).set_index(
         "id"
     )
