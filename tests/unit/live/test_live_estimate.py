@@ -33,11 +33,17 @@ def follow(channels, pieces=1, **options):
     return live
 
 
-@pytest.mark.parametrize("pieces", [5, 777, 24_000])
-def test_history_does_not_depend_on_the_pieces(channels, pieces):
-    faulty = channels.copy()
-    faulty[1, 5000:5003] = np.nan
-    assert follow(faulty, pieces).history.equals(follow(faulty).history)
+@pytest.fixture(scope="module")
+def history(trial):
+    """What is estimated of a trial that comes at once."""
+    return follow(read_channels(trial)).history
+
+
+def test_history_does_not_depend_on_the_pieces(channels):
+    channels[1, 5000:5003] = np.nan
+    expected = follow(channels).history
+    for pieces in (5, 777, 24_000):
+        assert follow(channels, pieces).history.equals(expected)
 
 
 def test_estimate_is_that_of_the_same_samples(trial, channels):
@@ -72,11 +78,11 @@ def test_window_begins_anew_behind_a_gap(trial, channels, fault):
     assert live.estimate.stiffness == pytest.approx(expected.stiffness, rel=1e-9)
 
 
-def test_samples_that_come_twice_or_late_are_left_out(channels):
+def test_samples_that_come_twice_or_late_are_left_out(channels, history):
     again = np.hstack([channels[:, :9000], channels[:, 4000:]])
-    history = follow(again, pieces=29).history
-    assert history["K"].equals(follow(channels).history["K"])
-    assert ["twice or late" in text for text in history["warnings"]].index(True) == 4
+    live = follow(again, pieces=29)
+    assert live.history["K"].equals(history["K"])
+    assert ["twice or late" in text for text in live.history["warnings"]].index(True) == 4
 
 
 def test_stamps_that_jitter_show_the_gaps_alone(channels):
@@ -135,12 +141,12 @@ def test_change_of_K_is_found_soon():
     assert np.isnan(change.loc["G", "since"])
 
 
-def test_fits_beside_the_reading_lose_no_sample(channels):
+def test_fits_beside_the_reading_lose_no_sample(channels, history):
     with LiveEstimate(RATE, every=2.0) as live:
         for piece in np.array_split(channels, 100, axis=1):
             live.add(*piece)
     row = live.history.drop(columns="warnings").iloc[-1]
-    assert row.equals(follow(channels).history.drop(columns="warnings").iloc[-1])
+    assert row.equals(history.drop(columns="warnings").iloc[-1])
 
 
 def test_open_loop_needs_no_reference():
