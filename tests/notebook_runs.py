@@ -81,14 +81,13 @@ def read_accepted(points, methods, **settings):
     return accepted
 
 
-def check_notebooks(folder, points, methods, **settings):
-    """Simulate and identify a study, and check what every notebook that accepts it shows and writes."""
+def check_notebooks(folder, points, methods, names=(), **settings):
+    """Simulate and identify a study, and check what notebooks show and write: by default all that accept it."""
     accepted = read_accepted(points, methods, **settings)
-    if not accepted:
-        return
     results = run_jobs(next(iter(accepted.values())), folder / "results")
     trials = pd.read_parquet(results.table)
-    for name, study in accepted.items():
+    for name in names or accepted:
+        study = accepted[name]
         place = folder / name
         place.mkdir()
         assert run_notebook(study, results, place)
