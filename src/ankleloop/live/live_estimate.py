@@ -184,7 +184,8 @@ class LiveEstimate(ExitStack):
         the estimate [s]: of the middle of the window without the ends that filters take. Then come K, B, I and G, each
         with the ends of its 95 % interval (`K_low`, `K_high`), `warnings`, and `failure`: why there is no estimate.
         """
-        return pd.DataFrame(self._rows, columns=COLUMNS)
+        # A copy, because fits add rows beside.
+        return pd.DataFrame(list(self._rows), columns=COLUMNS)
 
     @property
     def change(self) -> pd.DataFrame:
