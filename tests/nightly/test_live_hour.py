@@ -8,7 +8,7 @@ import psutil
 from ankleloop import LiveEstimate, simulate
 
 MOST_LOAD = 0.15  # of a core
-MOST_GROWTH = 40e6  # bytes after ten minutes, of the history
+MOST_GROWTH = 25e6  # bytes after ten minutes, of the history
 
 
 def test_an_hour_takes_little_time_and_no_more_memory():
