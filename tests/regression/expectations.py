@@ -12,9 +12,6 @@ from ankleloop.tables.trial_tables import read_results
 SHARE = 0.25  # of the standard error
 LEAST = 1e-4  # of the number itself: rounding in other builds of linear algebra
 KEY = ["point", "method", "quantity"]
-# Rounding in other builds of linear algebra decides their results: without a rank policy directions count that hold
-# nothing else.
-DECIDED_BY_ROUNDING = "omitted_step=rank-policy"
 
 
 def summarise_results(results, study):
@@ -27,7 +24,6 @@ def summarise_results(results, study):
     everything["quantity"] = everything["quantity"].str.replace(
         r"vaf_(\w+)_(\w+)", r"VAF \1 (\2)", regex=True
     )
-    everything = everything[~everything["point"].str.contains(DECIDED_BY_ROUNDING)]
     table = (
         everything.groupby(KEY, sort=False)["value"]
         .agg(mean="mean", sd="std", n="count")

@@ -28,7 +28,7 @@ from ankleloop.signals.least_squares import TINY
 LEAST_TOLERANCE = 1e-6  # of the directions of instruments: weaker ones show rounding and noise
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
 ACCURACY = 2e-4  # of squared singular values; a bound that adds magnitudes, a hundred times the size of the errors
-MARGIN = 3.0  # between an eigenvalue and its rounding
+MARGIN = 4.0  # between an eigenvalue, or what is accurate, and its rounding
 
 
 class Directions(NamedTuple):
@@ -97,7 +97,7 @@ def project_gram(
     input_coefficients = inputs.coefficients @ (components[:, :z] @ coefficients)
     fit_size = np.vdot(coefficients, coefficients) + np.vdot(input_coefficients, input_coefficients)
     error = rounding * (fit_size + 2.0 * np.sqrt(fit_size * output_size))
-    if not error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2:
+    if not MARGIN * error <= ACCURACY * columns * projection.singular_values[order - 1] ** 2:
         return None
     return projection
 

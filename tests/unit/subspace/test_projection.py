@@ -189,6 +189,7 @@ def test_instruments_inside_the_inputs_are_refused_whatever_their_size(scale):
     tolerance=st.sampled_from([1e-3, 1e-5, 1e-8, 0.0]),
 )
 @example(seed=0, u_rows=4, y_rows=2, z_rows=0, small=-6.875, tolerance=1e-8)
+@example(seed=2, u_rows=2, y_rows=2, z_rows=1, small=-6.654296875, tolerance=1e-8)
 def test_inner_products_give_the_projection_of_a_factor_or_none(
     seed, u_rows, y_rows, z_rows, small, tolerance
 ):
