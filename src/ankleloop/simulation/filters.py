@@ -11,6 +11,12 @@ from ankleloop.signals.statespace import companion, simulate_states, step_matric
 from ankleloop.simulation.settings import SimulationSettings
 
 ANTIALIAS_ORDER = 4
+# Bessel polynomials by their order, from the highest power, and the frequency [rad/s] at which their low-pass is at -3 dB:
+# importing scipy.signal for them takes longer than simulating a trial.
+BESSEL = {
+    2: (np.array([1.0, 3.0, 3.0]), 1.3616541287161306),
+    4: (np.array([1.0, 10.0, 45.0, 105.0, 105.0]), 2.1139176749042160),
+}
 VOLUNTARY_WARMUP = 5.0  # periods of its cutoff until the low-pass of voluntary torque has settled
 
 
@@ -38,10 +44,8 @@ def bessel_denominator(order: int, cutoff: float) -> np.ndarray:
 
     Shapes: returns (order + 1,).
     """
-    # Here, because its import takes time and identifications do not need it.
-    from scipy.signal import bessel
-
-    return bessel(order, cutoff, analog=True, norm="mag")[1]
+    coefficients, frequency = BESSEL[order]
+    return coefficients * (cutoff / frequency) ** np.arange(order + 1)
 
 
 @lru_cache
@@ -76,19 +80,22 @@ def draw_slow_noise(
 
     Shapes: returns (samples,).
     """
-    from scipy.signal import sosfilt
-
-    sections, deviation = _slow_filter(rate, cutoff)
     warmup = int(np.ceil(VOLUNTARY_WARMUP * rate / cutoff))
-    slow = sosfilt(sections, rng.standard_normal(warmup + samples))[warmup:]
-    return slow / deviation
+    lowpass, deviation = _slow_filter(rate, cutoff, warmup)
+    return lowpass.run(rng.standard_normal(warmup + samples))[warmup:] / deviation
 
 
 @lru_cache
-def _slow_filter(rate: float, cutoff: float) -> tuple[np.ndarray, float]:
-    """Sections of the low-pass, and the deviation of white noise behind it; all trials of a study have the same."""
-    from scipy.signal import bessel, sosfilt
-
-    sections = bessel(2, cutoff, fs=rate, norm="mag", output="sos")
-    impulse = np.eye(1, 2 * int(np.ceil(VOLUNTARY_WARMUP * rate / cutoff)) + 1)[0]
-    return sections, float(np.linalg.norm(sosfilt(sections, impulse)))
+def _slow_filter(rate: float, cutoff: float, warmup: int) -> tuple[DiscreteFilter, float]:
+    """The low-pass by the bilinear transform, and the deviation of white noise behind it."""
+    half_step = 0.5 / rate
+    A, B, C = companion(bessel_denominator(2, np.tan(np.pi * cutoff / rate) / half_step))
+    inverse = np.linalg.inv(np.eye(2) - half_step * A)
+    lowpass = DiscreteFilter(
+        A=inverse @ (np.eye(2) + half_step * A),
+        B=2 * half_step * inverse @ B[:, 0],
+        C=C[0] @ inverse,
+        D=half_step * (C @ inverse @ B).item(),
+    )
+    impulse = np.eye(1, 2 * warmup + 1)[0]
+    return lowpass, float(np.linalg.norm(lowpass.run(impulse)))

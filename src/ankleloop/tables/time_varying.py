@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
@@ -149,7 +149,7 @@ def compare_with_bound(details: pd.DataFrame, bounds: pd.DataFrame, method: str)
             mean_error = _root_mean_square(means)
             mean_limit = unit * bound[f"{name}_mean"]
             mean_efficiency = 100.0 * (mean_limit / mean_error) ** 2
-            ends = stats.chi2.ppf((0.025, 0.975), means.size) / means.size
+            ends = special.chdtri(means.size, (0.975, 0.025)) / means.size
             low, high = mean_efficiency * ends
             row = {
                 "point": point,
