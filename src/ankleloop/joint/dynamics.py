@@ -103,7 +103,8 @@ def fit_dynamics(
         rows = [shape, *(gain * derivative for derivative in derivatives)]
         return (root * np.array(rows)).view(float)
 
-    unknowns, _ = leastsq(
+    # A response without a low-pass has no best one; how little is explained says so, so that the search need not.
+    unknowns, *_ = leastsq(
         error,
         _choose_start(root, target, s, order),
         Dfun=slopes,
@@ -111,6 +112,7 @@ def fit_dynamics(
         xtol=1e-12,
         ftol=1e-14,
         gtol=1e-14,
+        full_output=True,
     )
     gain, dynamics = split(unknowns)
     return gain, dynamics, float(1.0 - np.sum(error(unknowns) ** 2))

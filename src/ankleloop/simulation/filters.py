@@ -11,7 +11,7 @@ from ankleloop.signals.statespace import companion, simulate_states, step_matric
 from ankleloop.simulation.settings import SimulationSettings
 
 ANTIALIAS_ORDER = 4
-# Bessel polynomials by their order, from the highest power, and the frequency [rad/s] at which their low-pass is at -3 dB:
+# Bessel polynomials by order, from the highest power, and the frequency in rad/s at which their low-pass is at -3 dB;
 # importing scipy.signal for them takes longer than simulating a trial.
 BESSEL = {
     2: (np.array([1.0, 3.0, 3.0]), 1.3616541287161306),

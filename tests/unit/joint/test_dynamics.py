@@ -44,3 +44,11 @@ def test_the_fit_to_a_low_pass_is_this_low_pass(omega, zeta, gain):
     assert fitted == pytest.approx(gain, rel=1e-4)
     assert (dynamics.omega_n, dynamics.zeta) == pytest.approx((omega, zeta), rel=1e-4)
     assert share == pytest.approx(1.0, abs=1e-7)
+
+
+def test_noise_is_hardly_explained_by_a_low_pass():
+    """The search for the closest one does not end in time, which is no warning to the user of the estimate."""
+    noise = np.random.default_rng(39).standard_normal((2, 60))
+    s = 2j * np.pi * np.linspace(0.2, 20.0, 60)
+    _, _, share = fit_dynamics(noise[0] + 1j * noise[1], s, np.ones(60))
+    assert 0.0 < share < 0.2
