@@ -17,17 +17,19 @@ def plan(reproduction, reduced):
     """Number of jobs that a dry run with changed settings of studies plans, by rule, study and chunk."""
 
     def plan(**studies):
-        text = reduced("--dry-run", overlay={"studies": studies})
-        blocks = re.split(
-            r"^(?:local)?rule (\w+):$", text.split("Job stats:")[-2], flags=re.MULTILINE
-        )
-        jobs = []
-        for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
-            keys = re.findall(r"\b(?:study|chunk)=([\w-]+)", re.search(r"wildcards:.*|$", block)[0])
-            jobs.append(" ".join([rule, *keys]))
-        return dict(Counter(job for job in jobs if job != "everything"))
+        return count_jobs(reduced("--dry-run", overlay={"studies": studies}))
 
     return plan
+
+
+def count_jobs(text):
+    """Number of jobs in the output of a dry run."""
+    blocks = re.split(r"^(?:local)?rule (\w+):$", text.split("Job stats:")[-2], flags=re.MULTILINE)
+    jobs = []
+    for rule, block in zip(blocks[1::2], blocks[2::2], strict=True):
+        keys = re.findall(r"\b(?:study|chunk)=([\w-]+)", re.search(r"wildcards:.*|$", block)[0])
+        jobs.append(" ".join([rule, *keys]))
+    return dict(Counter(job for job in jobs if job != "everything"))
 
 
 # Summaries of all studies, which follow any change in one of them.
@@ -48,7 +50,7 @@ def page(path):
     assert 'class="back" href="' in body
     assert "data:image/png;base64" in text
     assert "Traceback" not in text
-    assert not re.search(r"\w+Warning: ", text)
+    assert not re.search(r"\wWarning: ", text)
     return text
 
 
@@ -113,23 +115,18 @@ def test_a_changed_method_identifies_again_and_simulates_nothing(reproduction, p
     assert not any(job.startswith("simulate") for job in jobs)
 
 
-def test_a_reworded_claim_makes_the_article_alone(reproduction, plan):
-    path = reproduction / "data/published/claims.csv"
-    text = path.read_text(encoding="utf-8")
-    path.write_text(text.replace("good", "very good"), encoding="utf-8")
-    assert plan() == SUMMARIES
-    path.write_text(text, encoding="utf-8")
-
-
-def test_nothing_is_left_to_do_not_in_a_copy_in_another_folder_either(
+def test_a_reworded_claim_makes_the_article_alone_also_in_a_copy_in_another_folder(
     reproduction, snakemake, laboratory, tmp_path
 ):
     """The copy has the records and the times of its original: it would make again what the original would."""
     copy = tmp_path / "copy"
     shutil.copytree(reproduction, copy)
+    path = copy / "data/published/claims.csv"
+    path.write_text(path.read_text(encoding="utf-8").replace("good", "very good"), encoding="utf-8")
     arguments = ("--dry-run", "--configfile", "config/reduced.yaml")
-    text = snakemake(copy, *arguments, ANKLELOOP_RECORDINGS=str(laboratory))
-    assert "Nothing to be done" in text
+    assert (
+        count_jobs(snakemake(copy, *arguments, ANKLELOOP_RECORDINGS=str(laboratory))) == SUMMARIES
+    )
 
 
 def test_changed_pages_are_made_again(plan, touch):
@@ -146,9 +143,8 @@ def test_the_whole_paper_is_there(reproduction):
         "table1-figure3",
         "figure4-figure4",
         "table2-figure5",
-        "passes-passes",
     ]
-    for name in [*figures, "voluntary-stiffness", "voluntary-vaf", "real-time-traces"]:
+    for name in [*figures, "voluntary-stiffness", "voluntary-vaf"]:
         ends = ("png", "pdf") if name in ("figure1", "figure2") else ("png", "pdf", "csv")
         for end in ends:
             assert (reproduction / f"results/figures/{name}.{end}").stat().st_size > (
@@ -175,7 +171,7 @@ def test_the_whole_paper_is_there(reproduction):
         assert text in article
     table = pd.read_csv(reproduction / "results/tables/table2.csv")
     assert {"vaf_net", "paper_net"} <= set(table)
-    for study in ("table2", "figure4", "passes", "voluntary", "real-time"):
+    for study in ("table2", "figure4", "voluntary"):
         page(reproduction / f"results/reports/{study}.html")
     assert "stand-in" in page(reproduction / "results/reports/table2.html")
 
@@ -185,8 +181,9 @@ def test_the_report_of_snakemake_describes_every_result(reproduction, reduced):
     text = (reproduction / "report.html").read_text(encoding="utf-8")
     entries = text.partition('<script id="results">')[2].partition("var results = ")[2]
     results, _ = json.JSONDecoder().raw_decode(entries)
-    assert {"results/article.html", "results/figures/figure1.png"} <= set(results)
-    assert len([path for path in results if path.startswith("results/figures/")]) > 15
+    assert "results/article.html" in results
+    for path in (reproduction / "results/figures").glob("*.png"):
+        assert f"results/figures/{path.name}" in results
     for path, result in results.items():
         assert re.sub(r"<[^>]*>|\s", "", result["caption"]), path
         assert result["labels"].get("result"), path
