@@ -250,8 +250,10 @@ def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
 def normal_score(sizes: np.ndarray, covariance: np.ndarray) -> float:
     """A size over its standard error; of several sizes the normal score of the probability of their χ².
 
-    Shapes: sizes (q,), covariance (q, q).
+    Shapes: sizes (q,), covariance (q, q), which is zero where the record cannot show them.
     """
+    if not covariance.any():
+        return 0.0
     if sizes.size == 1:
         return float(sizes.item() / np.sqrt(covariance.item()))
     square = float(sizes @ solve_scaled(covariance, sizes))
