@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from contextlib import nullcontext
 from typing import Any, Literal
 
 import pyarrow as pa
@@ -11,7 +12,7 @@ import pyarrow as pa
 from ankleloop.assessment.scores import parameter_row, score_torques
 from ankleloop.errors import NUMERICAL_ERRORS, describe_error, locate_errors
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.estimate_files import EstimateTable
+from ankleloop.joint.estimate_files import write_estimates
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.methods.registry import identify
 from ankleloop.quantities import point_column
@@ -60,33 +61,35 @@ def identify_trials(
     its trials, and a method whose options are the same at several of them identifies a trial once. `files["estimates"]`
     is optional.
     """
-    estimates = EstimateTable(precision) if "estimates" in files else None
     types = {point_column(name): COLUMN_TYPES[kind] for name, kind in kinds.items()}
     rows: list[Row] = []
-    for condition, number, trial in trials:
-        prepared = trial if isinstance(trial, str) else PreparedTrial(trial)
-        # By method and its options.
-        results: dict[tuple[str, str], Result] = {}
-        for point, part in conditions[condition]["points"].items():
-            values = {point_column(column): value for column, value in part["values"].items()}
-            for name, method in methods.items():
-                options = {**method["options"], **part["options"].get(name, {})}
-                key = (name, repr(options))
-                place = f"study {study}, point {point}, trial {number}, method {name}"
-                if key not in results:
-                    with locate_errors(place):
-                        results[key] = _identify(prepared, method["method"], options, against)
-                estimate, row = results[key]
-                if "failure" in row:
-                    log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
-                if estimate is not None and estimates is not None:
-                    estimates.add(estimate, point=point, name=name, number=number)
-                keys = {"study": study, "point": point, **values, "method": name, "trial": number}
-                rows.append(keys | row)
-        log.info("%s: identified trial %d", condition, number)
+    path = files.get("estimates")
+    writing: Any = write_estimates(path, precision, overwrite=True) if path else nullcontext()
+    with writing as estimates:
+        for condition, number, trial in trials:
+            prepared = trial if isinstance(trial, str) else PreparedTrial(trial)
+            # By method and its options.
+            results: dict[tuple[str, str], Result] = {}
+            for point, part in conditions[condition]["points"].items():
+                values = {point_column(column): value for column, value in part["values"].items()}
+                for name, method in methods.items():
+                    options = {**method["options"], **part["options"].get(name, {})}
+                    key = (name, repr(options))
+                    place = f"study {study}, point {point}, trial {number}, method {name}"
+                    if key not in results:
+                        with locate_errors(place):
+                            results[key] = _identify(prepared, method["method"], options, against)
+                    estimate, row = results[key]
+                    if "failure" in row:
+                        log.warning(
+                            "%s, trial %d, %s failed: %s", point, number, name, row["failure"]
+                        )
+                    if estimate is not None and estimates is not None:
+                        estimates.add(estimate, point=point, name=name, number=number)
+                    keys = {"study": study, "point": point, "method": name, "trial": number}
+                    rows.append(keys | values | row)
+            log.info("%s: identified trial %d", condition, number)
     table = as_table(rows, types)
-    if estimates is not None:
-        estimates.write(files["estimates"], overwrite=True)
     save_table(table, files["scores"])
     return table
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -191,42 +192,21 @@ def _read_intervals(fields: Fields) -> dict[str, tuple[float, float]]:
 
 
 class EstimateTable:
-    """Estimates with their models, collected as they will be written.
+    """Estimates with their models, written in groups as they come."""
 
-    `precision`, "double" or "single", is that of the torques.
-
-    >>> import tempfile
-    >>> from ankleloop import identify, simulate
-    >>> trial, table = simulate(seed=1, duration=10.0), EstimateTable()
-    >>> table.add(identify(trial, "pr-moesp"), point="only", name="pr", number=0)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     table.write(f"{folder}/0.parquet")
-    ...     estimates = load_estimates([f"{folder}/0.parquet"], "only", "pr")
-    >>> estimates[0].predict(trial).method
-    'pr-moesp'
-    """
-
-    def __init__(self, precision: str = "double") -> None:
-        texts = ("point", "name", "method", "diagnostics", "groups")
-        columns = dict.fromkeys(texts, pa.string())
-        columns["number"] = pa.int64()
-        columns["identification_rate"] = pa.float64()
-        columns["time"] = pa.list_(pa.float64())
-        columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(np.dtype(precision))))
+    def __init__(self, writer: parquet.ParquetWriter, precision: str) -> None:
+        self._writer = writer
         self._precision = precision
-        self._schema = pa.schema(columns)
-        self._rows: list[pa.RecordBatch] = []
+        self._rows: list[dict[str, Any]] = []  # that wait for a whole group
 
     def add(self, estimate: Estimate, *, point: str, name: str, number: int) -> None:
         """Add the estimate of a trial, by a name of its method, at a point of a study."""
         groups = {group: getattr(estimate, group) for group in PARAMETER_GROUPS}
         if estimate.predictor is not None:
             groups["model"] = dump_model(estimate.predictor)
-        if estimate.trajectories is not None:
-            groups["trajectories"] = {
-                **estimate.trajectories.variables,
-                **estimate.trajectories.attrs,
-            }
+        course = estimate.trajectories
+        if course is not None:
+            groups["trajectories"] = {**course.variables, **course.attrs}
         torque = estimate.torque
         row = {
             "point": point,
@@ -240,13 +220,49 @@ class EstimateTable:
         }
         for signal in TORQUES:
             row[signal] = torque[signal].values.astype(self._precision)
-        self._rows.append(pa.RecordBatch.from_pylist([row], self._schema))
+        self._rows.append(row)
+        if len(self._rows) == ROW_GROUP:
+            self.write_group()
 
-    def write(self, path: PathLike, *, overwrite: bool = False) -> None:
-        """Write all estimates; the file appears when it is complete."""
-        table = pa.Table.from_batches(self._rows, self._schema)
-        with atomic_file(path, overwrite=overwrite) as partial, open(partial, "wb") as file:
-            parquet.write_table(table, file, row_group_size=ROW_GROUP, **PARQUET_OPTIONS)
+    def write_group(self) -> None:
+        """Write the estimates that wait."""
+        self._writer.write_table(pa.Table.from_pylist(self._rows, self._writer.schema))
+        self._rows.clear()
+
+
+@contextmanager
+def write_estimates(
+    path: PathLike, precision: str = "double", *, overwrite: bool = False
+) -> Iterator[EstimateTable]:
+    """Provide a table for estimates; its file appears if the block ends without an error.
+
+    `precision`, "double" or "single", is that of the torques.
+
+    >>> import tempfile
+    >>> from ankleloop import identify, simulate
+    >>> trial = simulate(seed=1, duration=10.0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with write_estimates(f"{folder}/0.parquet") as table:
+    ...         table.add(identify(trial, "pr-moesp"), point="only", name="pr", number=0)
+    ...     estimates = load_estimates([f"{folder}/0.parquet"], "only", "pr")
+    >>> estimates[0].predict(trial).method
+    'pr-moesp'
+    """
+    columns = dict.fromkeys(("point", "name", "method", "diagnostics", "groups"), pa.string())
+    columns |= {
+        "number": pa.int64(),
+        "identification_rate": pa.float64(),
+        "time": pa.list_(pa.float64()),
+    }
+    columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(np.dtype(precision))))
+    with (
+        atomic_file(path, overwrite=overwrite) as partial,
+        open(partial, "wb") as file,
+        parquet.ParquetWriter(file, pa.schema(columns), **PARQUET_OPTIONS) as writer,
+    ):
+        table = EstimateTable(writer, precision)
+        yield table
+        table.write_group()
 
 
 def load_estimates(paths: Iterable[PathLike], point: str, name: str) -> dict[int, Estimate]:

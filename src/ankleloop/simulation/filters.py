@@ -89,13 +89,10 @@ def draw_slow_noise(
 def _slow_filter(rate: float, cutoff: float, warmup: int) -> tuple[DiscreteFilter, float]:
     """The low-pass by the bilinear transform, and the deviation of white noise behind it."""
     half_step = 0.5 / rate
-    A, B, C = companion(bessel_denominator(2, np.tan(np.pi * cutoff / rate) / half_step))
+    A, B, _ = companion(bessel_denominator(2, np.tan(np.pi * cutoff / rate) / half_step))
     inverse = np.linalg.inv(np.eye(2) - half_step * A)
-    lowpass = DiscreteFilter(
-        A=inverse @ (np.eye(2) + half_step * A),
-        B=2 * half_step * inverse @ B[:, 0],
-        C=C[0] @ inverse,
-        D=half_step * (C @ inverse @ B).item(),
-    )
-    impulse = np.eye(1, 2 * warmup + 1)[0]
-    return lowpass, float(np.linalg.norm(lowpass.run(impulse)))
+    drive = half_step * (inverse @ B)[:, 0]
+    # The output is the first state.
+    lowpass = DiscreteFilter(2 * inverse - np.eye(2), 2 * drive, inverse[0], drive[0])
+    response = lowpass.run(np.eye(1, 2 * warmup + 1)[0])
+    return lowpass, float(np.linalg.norm(response))

@@ -7,7 +7,7 @@ from value_comparison import assert_same_estimate, assert_same_values
 
 from ankleloop import METHODS, DataError, identify, simulate
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.estimate_files import EstimateTable, load_estimates
+from ankleloop.joint.estimate_files import load_estimates, write_estimates
 from ankleloop.joint.regressors import TORQUES, torque_dataset
 
 
@@ -23,18 +23,16 @@ def make_estimate(seed=0, **fields):
     return Estimate("pr-moesp", torque, stiffness, {"delay": 0.04}, **fields)
 
 
-def collect(index, precision="double"):
-    table = EstimateTable(precision)
-    for (point, number), estimate in index.items():
-        for name in ("x", "y"):
-            table.add(estimate, point=point, name=name, number=number)
-    return table
+def write(index, path, precision="double", **options):
+    with write_estimates(path, precision, **options) as table:
+        for (point, number), estimate in index.items():
+            for name in ("x", "y"):
+                table.add(estimate, point=point, name=name, number=number)
 
 
 def save(estimates, path, precision="double", **options):
-    collect(
-        {("only", number): estimate for number, estimate in enumerate(estimates)}, precision
-    ).write(path, **options)
+    index = {("only", number): estimate for number, estimate in enumerate(estimates)}
+    write(index, path, precision, **options)
 
 
 def load(path):
@@ -94,7 +92,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path, change, message):
 def test_estimates_of_a_point_in_several_files(tmp_path):
     seeds = {"0": {("a", 0): 0, ("a", 1): 1, ("b", 0): 2}, "1": {("b", 1): 3, ("b", 2): 4}}
     for name, index in seeds.items():
-        collect({key: make_estimate(seed) for key, seed in index.items()}).write(tmp_path / name)
+        write({key: make_estimate(seed) for key, seed in index.items()}, tmp_path / name)
     paths = [tmp_path / name for name in reversed(seeds)]
     for point, expected in (("a", (0, 1)), ("b", (2, 3, 4))):
         estimates = load_estimates(paths, point, "y")

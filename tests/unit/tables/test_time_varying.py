@@ -10,7 +10,7 @@ from ankleloop.assessment.cramer_rao import trajectory_bound
 from ankleloop.assessment.scores import score_trajectories, true_trajectories
 from ankleloop.jobs.predictions import predict
 from ankleloop.joint.estimate import Estimate
-from ankleloop.joint.estimate_files import EstimateTable
+from ankleloop.joint.estimate_files import write_estimates
 from ankleloop.joint.regressors import torque_dataset
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.tables.time_varying import (
@@ -101,9 +101,8 @@ def test_places_that_some_trials_do_not_identify_count_fewer_trials():
 def test_a_study_without_trajectories_is_refused(tmp_path):
     estimate = make_estimate(np.zeros(101))
     constant = Estimate("riv", estimate.torque, {"K": 1.0}, {})
-    table = EstimateTable()
-    table.add(constant, point="only", name="riv", number=0)
-    table.write(tmp_path / "e.parquet")
+    with write_estimates(tmp_path / "e.parquet") as table:
+        table.add(constant, point="only", name="riv", number=0)
     with pytest.raises(DataError, match="no estimate of the study has trajectories"):
         average_study([tmp_path / "e.parquet"], {"only": SETTINGS}, ["riv"])
 

@@ -18,7 +18,7 @@ from ankleloop import (
     save_trial,
     simulate,
 )
-from ankleloop.joint.estimate_files import EstimateTable
+from ankleloop.joint.estimate_files import write_estimates
 from ankleloop.recordings.files import export_estimate
 from ankleloop.trials.files import (
     _partial_path,
@@ -63,10 +63,9 @@ def save_figure(path, **options):
     save_figure(Figure(), path.with_suffix(""), **options)
 
 
-def write_estimates(estimate, path, **options):
-    table = EstimateTable()
-    table.add(estimate, point="only", name="m", number=0)
-    table.write(path, **options)
+def write_estimate(estimate, path, **options):
+    with write_estimates(path, **options) as table:
+        table.add(estimate, point="only", name="m", number=0)
 
 
 # Every function that writes: the name of its file, and the call with the trial, its estimate and the path.
@@ -80,7 +79,7 @@ WRITERS = {
     "save_trials": ("x.nc", lambda t, e, path, **o: save_trials([t], path, [("a", 0)], **o)),
     "save_estimate.nc": ("x.nc", lambda t, e, path, **o: save_estimate(e, path, **o)),
     "save_estimate.mat": ("x.mat", lambda t, e, path, **o: save_estimate(e, path, **o)),
-    "estimate table": ("x.parquet", lambda t, e, path, **o: write_estimates(e, path, **o)),
+    "estimate table": ("x.parquet", lambda t, e, path, **o: write_estimate(e, path, **o)),
     "export_estimate.csv": ("x.csv", lambda t, e, path, **o: export_estimate(e, path, **o)),
     "write_csv": ("x.csv", lambda t, e, path, **o: write_csv(t.to_dataframe().head(), path, **o)),
     "save_figure": ("x.png", lambda t, e, path, **o: save_figure(path, **o)),
