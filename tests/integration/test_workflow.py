@@ -181,7 +181,7 @@ def test_the_report_of_snakemake_describes_every_result(reproduction, reduced):
     text = (reproduction / "report.html").read_text(encoding="utf-8")
     entries = text.partition('<script id="results">')[2].partition("var results = ")[2]
     results, _ = json.JSONDecoder().raw_decode(entries)
-    assert "results/article.html" in results
+    assert {"results/article.html", "results/figures/figure1.png"} <= set(results)
     for path in (reproduction / "results/figures").glob("*.png"):
         assert f"results/figures/{path.name}" in results
     for path, result in results.items():

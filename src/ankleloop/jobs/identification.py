@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from contextlib import nullcontext
+from itertools import product
 from typing import Any, Literal
 
 import pyarrow as pa
@@ -70,24 +71,22 @@ def identify_trials(
             prepared = trial if isinstance(trial, str) else PreparedTrial(trial)
             # By method and its options.
             results: dict[tuple[str, str], Result] = {}
-            for point, part in conditions[condition]["points"].items():
+            points = conditions[condition]["points"]
+            for (point, part), (name, method) in product(points.items(), methods.items()):
+                options = {**method["options"], **part["options"].get(name, {})}
+                key = (name, repr(options))
+                place = f"study {study}, point {point}, trial {number}, method {name}"
+                if key not in results:
+                    with locate_errors(place):
+                        results[key] = _identify(prepared, method["method"], options, against)
+                estimate, row = results[key]
+                if "failure" in row:
+                    log.warning("%s, trial %d, %s failed: %s", point, number, name, row["failure"])
+                if estimate is not None and estimates is not None:
+                    estimates.add(estimate, point=point, name=name, number=number)
                 values = {point_column(column): value for column, value in part["values"].items()}
-                for name, method in methods.items():
-                    options = {**method["options"], **part["options"].get(name, {})}
-                    key = (name, repr(options))
-                    place = f"study {study}, point {point}, trial {number}, method {name}"
-                    if key not in results:
-                        with locate_errors(place):
-                            results[key] = _identify(prepared, method["method"], options, against)
-                    estimate, row = results[key]
-                    if "failure" in row:
-                        log.warning(
-                            "%s, trial %d, %s failed: %s", point, number, name, row["failure"]
-                        )
-                    if estimate is not None and estimates is not None:
-                        estimates.add(estimate, point=point, name=name, number=number)
-                    keys = {"study": study, "point": point, "method": name, "trial": number}
-                    rows.append(keys | values | row)
+                keys = {"study": study, "point": point, **values, "method": name, "trial": number}
+                rows.append(keys | row)
             log.info("%s: identified trial %d", condition, number)
     table = as_table(rows, types)
     save_table(table, files["scores"])

@@ -254,7 +254,7 @@ def write_estimates(
         "identification_rate": pa.float64(),
         "time": pa.list_(pa.float64()),
     }
-    columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(np.dtype(precision))))
+    columns |= dict.fromkeys(TORQUES, pa.list_(pa.from_numpy_dtype(precision)))
     with (
         atomic_file(path, overwrite=overwrite) as partial,
         open(partial, "wb") as file,
