@@ -49,7 +49,7 @@ beyond: setup ## Reproduce the paper, and run the studies that go further.
 	@echo "Open results/index.html"
 
 archive: all ## Reproduce the paper, and pack results, workflow and versions into results.zip: what one uploads beside a paper.
-	python -m ankleloop.jobs.crate results results.zip
+	python -m ankleloop_workflow.jobs.crate results results.zip
 	@ls -sh results.zip
 
 # The peers that are measured against go into a folder of their own, behind the environment.
@@ -86,7 +86,7 @@ docs: setup ## Build the documentation as a site, in build/docs/html.
 
 package: setup ## Build the wheel and the source distribution, in dist.
 	@mkdir -p dist
-	python -c "from flit_core import buildapi; print(buildapi.build_sdist('dist'), buildapi.build_wheel('dist'))"
+	python -m hatchling build -d dist
 
 # Newest versions that pyproject.toml allows, with hashes, for every platform.
 lock: $(READY) ## Resolve the environment again, into environment.lock.

@@ -17,7 +17,7 @@ from ankleloop import identify, simulate
 from ankleloop.assessment.scores import parameter_row
 from ankleloop.joint.prepared import prepare
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.tables.captions import format_point
+from ankleloop_workflow.tables.captions import format_point
 
 TRUTHS = {
     "K": "stiffness",

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 from tools import run_workflow
 
-from ankleloop.config.run import read_run
+from ankleloop_workflow.config.run import read_run
 
 TRIALS = 100  # of each point of a dry run
 POINTS = {"reflex_gain": [8.0, 16.0], "voluntary": [0.05, 0.3], "pr-moesp.block_rows": [12, 18]}

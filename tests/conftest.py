@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 collect_ignore_glob = ["*/conftest.py"]  # they have no examples, and share a name
 COMPILED = (".pyc", ".nbi", ".nbc")  # modules and kernels
 # Tests that run before all others: the longest, which keeps the processors busy, and those that wait most of the time.
-FIRST = ("test_workflow.py", "unit/live", "unit/trials")
+FIRST = ("test_workflow.py", "unit/lab/live", "unit/lab/files")
 PARTS = ("Snakefile", "workflow", "config", "notebooks", "data", "src", "profiles")
 
 
@@ -185,14 +185,14 @@ def reproduction(repository, reduced):
 @pytest.fixture
 def coarse_pictures(monkeypatch):
     """Pictures of few pixels, and none for print, which take less time."""
-    for module in ("pages.recordings", "plotting.style"):
-        monkeypatch.setattr(f"ankleloop.{module}.DOTS_PER_INCH", 40)
+    for module in ("ankleloop_lab.pages.recordings", "ankleloop.plotting.style"):
+        monkeypatch.setattr(f"{module}.DOTS_PER_INCH", 40)
     monkeypatch.delitem(FILE_OPTIONS, ".pdf")
 
 
 @pytest.fixture
 def no_pages(monkeypatch):
     """Pages of recordings without content, because figures take long."""
-    module = "ankleloop.jobs.recordings"
+    module = "ankleloop_lab.results"
     monkeypatch.setattr(f"{module}.draw_figures", lambda *args, **options: {})
     monkeypatch.setattr(f"{module}.render_recording_page", lambda *args, **options: "")

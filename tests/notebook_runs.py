@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 from study_jobs import NOTEBOOKS, run_jobs, run_notebook
 
-from ankleloop.config.checking import ConfigError
-from ankleloop.config.notebooks import list_figures
-from ankleloop.config.run import read_run
+from ankleloop_lab.checking import ConfigError
+from ankleloop_workflow.config.notebooks import list_figures
+from ankleloop_workflow.config.run import read_run
 
 CASCADE = {"method": "parallel-cascade", "label": "Kaskade – by $m$ & by $n$ | ζ ≤ 1"}
 RIV = {"method": "riv", "options": {"delay": None}, "label": "größe by {x}"}

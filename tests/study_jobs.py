@@ -10,14 +10,14 @@ from unittest import mock
 
 import matplotlib.pyplot as plt
 
-from ankleloop.config.notebooks import read_notebooks
-from ankleloop.config.run import report_parameters
-from ankleloop.config.study import read_studies
-from ankleloop.jobs.identification import identify_trials, read_trials
-from ankleloop.jobs.predictions import predict
-from ankleloop.jobs.simulation import simulate_trials
-from ankleloop.tables.trial_tables import join_tables
 from ankleloop.trials.trial_files import save_trials
+from ankleloop_workflow.config.notebooks import read_notebooks
+from ankleloop_workflow.config.run import report_parameters
+from ankleloop_workflow.config.study import read_studies
+from ankleloop_workflow.jobs.identification import identify_trials, read_trials
+from ankleloop_workflow.jobs.predictions import predict
+from ankleloop_workflow.jobs.simulation import simulate_trials
+from ankleloop_workflow.tables.trial_tables import join_tables
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = ROOT / "workflow" / "scripts"
@@ -90,7 +90,7 @@ def run_cells(notebook, parameters):
 
     with (
         plt.rc_context({"backend": "Agg"}),
-        mock.patch("ankleloop.pages.study_page.display", show),
+        mock.patch("ankleloop_workflow.pages.study_page.display", show),
         mock.patch("IPython.display.display", show),
     ):
         for cell in json.loads(text)["cells"]:

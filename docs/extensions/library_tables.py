@@ -12,9 +12,9 @@ from sphinx.addnodes import pending_xref
 from sphinx.ext.autosummary import import_by_name
 from sphinx.util.docutils import SphinxDirective, SphinxRole
 
-from ankleloop.command_line.main import commands
 from ankleloop.options import Options, type_name
 from ankleloop.quantities import QUANTITIES
+from ankleloop_lab.command_line.main import commands
 
 
 def options_rows(options, *, yaml=False):

@@ -314,6 +314,15 @@ def as_plain(value: Any) -> Any:
     return value
 
 
+def as_text(value: Any) -> str:
+    """Text of an attribute, which libraries give as text, bytes or an array of one of them; "" for several or none."""
+    array = np.asarray(value)
+    item = array.item() if array.size == 1 else None
+    if isinstance(item, bytes):
+        item = item.decode(errors="replace")
+    return "" if item is None else str(item).strip("\x00 \t\r\n")
+
+
 def check_argument(
     kind: Any, owner: str, name: str, value: Any, unit: str = "1", **limits: float
 ) -> Any:

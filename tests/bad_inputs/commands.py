@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ankleloop.command_line.main import main
+from ankleloop_lab.command_line.main import main
 from bad_inputs.bad_input import BadInput
 from bad_inputs.inputs import (
     POSITION,

@@ -5,10 +5,11 @@ from typing import Any
 
 import yaml
 
-from ankleloop.config.checking import ConfigError, check_config_file
-from ankleloop.config.recording_settings import Recording, read_recordings
-from ankleloop.config.run import read_run
-from ankleloop.config.study import Study
+from ankleloop_lab.checking import ConfigError
+from ankleloop_lab.recordings.settings import Recording, read_recordings
+from ankleloop_workflow.config.files import check_config_file
+from ankleloop_workflow.config.run import read_run
+from ankleloop_workflow.config.study import Study
 from bad_inputs.bad_input import rows_of
 from bad_inputs.inputs import missing, text_file
 

@@ -10,8 +10,8 @@ from ankleloop import (
     save_estimate,
     save_trial,
 )
-from ankleloop.recordings.files import export_estimate, load_recording
 from ankleloop.trials.trial_files import load_trials, save_trials
+from ankleloop_lab.recordings.files import export_estimate, load_recording
 from bad_inputs.bad_input import rows_of
 from bad_inputs.inputs import (
     cut_off,

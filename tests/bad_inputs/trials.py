@@ -76,8 +76,7 @@ ROWS = [
         "a torque in N·mm",
         in_unit("torque", "N·mm"),
         "torque is in 'N·mm'",
-        "(1 mN·m = 0.001 N·m), or convert it",
-        remedy={"torque_unit": "mN·m"},
+        "convert it to N·m",
     ),
     identified(
         "0.6 s",

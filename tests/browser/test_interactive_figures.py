@@ -3,9 +3,9 @@
 import pytest
 
 import ankleloop
-from ankleloop.pages.interactive import render_interactive_torques
-from ankleloop.pages.rendering import render_page
 from ankleloop.plotting.style import METHOD_STYLES
+from ankleloop_lab.pages.interactive import render_interactive_torques
+from ankleloop_lab.pages.rendering import render_page
 
 MOST_BYTES = 8e6
 METHODS = ("riv", "pr-moesp", "eiv-moesp", "parallel-cascade")

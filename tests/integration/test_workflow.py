@@ -96,7 +96,7 @@ def touch(reproduction):
     texts = {}
 
     def change(module):
-        path = reproduction / "src/ankleloop" / module
+        path = reproduction / "src" / module
         texts[path] = path.read_text(encoding="utf-8")
         path.write_text(f"{texts[path]}\n# changed\n", encoding="utf-8")
 
@@ -106,7 +106,7 @@ def touch(reproduction):
 
 
 def test_a_changed_method_identifies_again_and_simulates_nothing(reproduction, plan, touch):
-    touch("methods/moesp.py")
+    touch("ankleloop/methods/moesp.py")
     jobs = plan()
     studies = yaml.safe_load((reproduction / "config/ci.yaml").read_text(encoding="utf-8"))[
         "studies"
@@ -130,7 +130,7 @@ def test_a_reworded_claim_makes_the_article_alone_also_in_a_copy_in_another_fold
 
 
 def test_changed_pages_are_made_again(plan, touch):
-    touch("pages/templates/base.html.j2")
+    touch("ankleloop_workflow/pages/templates/base.html.j2")
     rules = {"report", "figure", "article", "index", "recordings", "publish"}
     assert {job.split()[0] for job in plan()} == rules
 

@@ -11,8 +11,8 @@ from bad_inputs.data import lowpass
 from ankleloop import DataError, identify, new_trial, simulate
 from ankleloop.checks.channels import check_spikes
 from ankleloop.checks.data import check_data
-from ankleloop.config.study import SimulatedStudy, read_studies
 from ankleloop.joint.prepared import prepare
+from ankleloop_workflow.config.study import SimulatedStudy, read_studies
 
 CONFIG = Path(__file__).parents[2] / "config" / "config.yaml"
 SEEDS = (101, 202)

@@ -23,8 +23,8 @@ FILLED, COUNT = (
 IMPORTS = """
 import json, logging, sys
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop.jobs.identification import identify_trials, read_trials
-from ankleloop.jobs.simulation import simulate_trials
+from ankleloop_workflow.jobs.identification import identify_trials, read_trials
+from ankleloop_workflow.jobs.simulation import simulate_trials
 from study_jobs import write_trials
 
 def largest_memory():

@@ -50,7 +50,7 @@ LIMIT = """
 import os, resource, sys
 
 def limit_memory():
-    import ankleloop.jobs.identification as module
+    import ankleloop_workflow.jobs.identification as module
     identify = module.identify
 
     def identify_without_memory(trial, *args, **options):

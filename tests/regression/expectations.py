@@ -7,7 +7,7 @@ beside each number.
 
 import numpy as np
 
-from ankleloop.tables.trial_tables import read_results
+from ankleloop_workflow.tables.trial_tables import read_results
 
 SHARE = 0.25  # of the standard error
 LEAST = 1e-4  # of the number itself: rounding in other builds of linear algebra

@@ -16,8 +16,8 @@ import yaml
 from snakemake.utils import update_config
 
 import ankleloop
-from ankleloop.config.run import read_run
-from ankleloop.config.settings import SimulationStudy
+from ankleloop_workflow.config.run import read_run
+from ankleloop_workflow.config.settings import SimulationStudy
 
 ROOT = Path(__file__).parents[2]
 FENCE = re.compile(
@@ -149,7 +149,7 @@ def folder(files, tmp_path, monkeypatch):
     """A folder with the files of a reader, as working directory."""
     shutil.copytree(files, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("ankleloop.experiments.perturbation.GENERATIONS", 8)  # a shorter search
+    monkeypatch.setattr("ankleloop_lab.experiments.perturbation.GENERATIONS", 8)  # a shorter search
     return tmp_path
 
 

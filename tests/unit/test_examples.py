@@ -24,6 +24,6 @@ EXAMPLES = [
 
 @pytest.mark.parametrize("test", EXAMPLES, ids=lambda test: test.name)
 def test_example(test, monkeypatch):
-    monkeypatch.setattr("ankleloop.experiments.perturbation.GENERATIONS", 8)  # a shorter search
+    monkeypatch.setattr("ankleloop_lab.experiments.perturbation.GENERATIONS", 8)  # a shorter search
     runner = doctest.DocTestRunner(optionflags=doctest.IGNORE_EXCEPTION_DETAIL)
     assert runner.run(test, clear_globs=False).failed == 0

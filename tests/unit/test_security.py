@@ -12,8 +12,9 @@ from snakemake.common.configfile import load_configfile
 from snakemake_interface_common.exceptions import WorkflowError
 
 import ankleloop
-from ankleloop.config.checking import ConfigError, check_config_file
-from ankleloop.pages.rendering import render_table
+from ankleloop_lab.checking import ConfigError
+from ankleloop_lab.pages.rendering import render_table
+from ankleloop_workflow.config.files import check_config_file
 
 
 class Bomb:
@@ -63,7 +64,7 @@ def test_a_template_in_a_configuration_is_refused(tmp_path):
         ConfigError, match=r"line 1: with the key __use_yte__ Snakemake runs Python code"
     ):
         check_config_file(path)
-    command = [sys.executable, "-m", "ankleloop.config.checking", path]
+    command = [sys.executable, "-m", "ankleloop_workflow.config.files", path]
     process = subprocess.run(command, capture_output=True, text=True)
     assert process.returncode == 1
     assert "__use_yte__" in process.stderr

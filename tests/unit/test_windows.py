@@ -13,7 +13,7 @@ FOLDERS = f"{TESTS / 'without_posix'}{os.pathsep}{TESTS.parent / 'src'}"
 FILES = """
 import signal
 import ankleloop
-from ankleloop.trials.recording_files import write_recording
+from ankleloop_lab.files.recording_files import write_recording
 assert not hasattr(signal, "SIGKILL")
 simulated = ankleloop.simulate(seed=1, duration=12.0)
 write_recording(simulated, "Sa.csv", "csv")
@@ -37,9 +37,9 @@ for _ in range(2):
     assert str(ankleloop.load_estimate("estimate.nc")) == str(estimate)
 """
 COMMANDS = """
-import ankleloop.recordings.processes
-from ankleloop.command_line.main import main
-ankleloop.recordings.processes.IS_FORKED = False
+import ankleloop_lab.recordings.processes
+from ankleloop_lab.command_line.main import main
+ankleloop_lab.recordings.processes.IS_FORKED = False
 assert main(["check", "*.csv", "--position", "angle_deg"]) == 0
 options = ["--method", "pr-moesp", "--output", "results"]
 assert main(["identify", "S*.mat", "S*.h5", *options]) == 0  # in interpreters of their own

@@ -1,6 +1,6 @@
 """What Windows lacks is hidden from the programs of Python that have this folder in PYTHONPATH.
 
-PYTHONPATH=tests/without_posix python -m pytest tests/unit/trials -m "not posix"
+PYTHONPATH=tests/without_posix python -m pytest tests/unit/lab/files -m "not posix"
 
 The standard library has imported before what it needs. A file that is open cannot be replaced or removed.
 """

@@ -5,15 +5,15 @@ import os
 import sys
 import tempfile
 
-from ankleloop.config.checking import ConfigError
-from ankleloop.config.notebooks import list_figures, read_notebooks
-from ankleloop.jobs.fingerprint import fingerprint
-from ankleloop.config.run import (
+from ankleloop_lab.checking import ConfigError
+from ankleloop_workflow.config.notebooks import list_figures, read_notebooks
+from ankleloop_workflow.jobs.fingerprint import fingerprint
+from ankleloop_workflow.config.run import (
     describe_article,
     read_run,
     report_parameters,
 )
-from ankleloop.config.study import RecordedStudy, SimulatedStudy
+from ankleloop_workflow.config.study import RecordedStudy, SimulatedStudy
 from snakemake.logging import logger
 
 MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too

@@ -3,10 +3,10 @@
 import sys
 
 from ankleloop.errors import locate_errors
-from ankleloop.jobs.identification import identify_trials, read_trials
-from ankleloop.jobs.job import running
-from ankleloop.jobs.simulation import simulate_trials
-from ankleloop.tables.outcomes import describe_failures
+from ankleloop_workflow.jobs.identification import identify_trials, read_trials
+from ankleloop_workflow.jobs.job import running
+from ankleloop_workflow.jobs.simulation import simulate_trials
+from ankleloop_workflow.tables.outcomes import describe_failures
 
 with running(snakemake):
     study = snakemake.wildcards.study

@@ -5,16 +5,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.jobs.crate import write_crate
-from ankleloop.jobs.job import running
-from ankleloop.jobs.results import (
-    collect_results,
-    read_provenance,
-    tabulate_recordings,
-)
-from ankleloop.pages.index import render_index, render_ledger
-from ankleloop.paper.ledger import read_conclusions
 from ankleloop.trials.files import atomic_file
+from ankleloop_lab.provenance import read_provenance
+from ankleloop_workflow.jobs.crate import write_crate
+from ankleloop_workflow.jobs.job import running
+from ankleloop_workflow.jobs.results import collect_results, tabulate_recordings
+from ankleloop_workflow.pages.index import render_index, render_ledger
+from ankleloop_workflow.paper.ledger import read_conclusions
 
 
 def write_text(path: str, text: str) -> None:

@@ -2,8 +2,8 @@
 
 import logging
 
-from ankleloop.jobs.job import running
-from ankleloop.jobs.predictions import predict
+from ankleloop_workflow.jobs.job import running
+from ankleloop_workflow.jobs.predictions import predict
 
 with running(snakemake):
     logging.captureWarnings(True)  # of pilots: into the log

@@ -6,9 +6,9 @@ from pathlib import Path
 import pandas as pd
 import pyarrow as pa
 
-from ankleloop.jobs.job import log, running
-from ankleloop.jobs.recordings import analyse_recordings
-from ankleloop.tables.trial_tables import save_table
+from ankleloop_lab.results import analyse_recordings
+from ankleloop_workflow.jobs.job import log, running
+from ankleloop_workflow.tables.trial_tables import save_table
 
 with running(snakemake):
     folder = Path(snakemake.output.folder)

@@ -11,10 +11,10 @@ import nbformat
 import papermill
 from nbconvert import HTMLExporter
 
-from ankleloop.jobs.job import log, running
-from ankleloop.pages.rendering import find_captions, render_page
-from ankleloop.pages.study_page import StudyPage
 from ankleloop.trials.files import atomic_file
+from ankleloop_lab.pages.rendering import find_captions, render_page
+from ankleloop_workflow.jobs.job import log, running
+from ankleloop_workflow.pages.study_page import StudyPage
 
 
 def check_parameters(notebook: str, parameters: Mapping) -> None:

@@ -2,9 +2,9 @@
 
 import sys
 
-from ankleloop.jobs.job import running
-from ankleloop.jobs.simulation import simulate_trials
 from ankleloop.trials.trial_files import save_trials
+from ankleloop_workflow.jobs.job import running
+from ankleloop_workflow.jobs.simulation import simulate_trials
 
 with running(snakemake):
     study = snakemake.wildcards.study

@@ -1,7 +1,7 @@
 """Put the scores and parameters of all trials of a study into one table."""
 
-from ankleloop.jobs.job import running
-from ankleloop.tables.trial_tables import join_tables
+from ankleloop_workflow.jobs.job import running
+from ankleloop_workflow.tables.trial_tables import join_tables
 
 with running(snakemake):
     output = snakemake.output

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from ankleloop.jobs.job import running
-from ankleloop.paper.checks import StudyResults
-from ankleloop.paper.economy import measure_economy
-from ankleloop.paper.ledger import verify
-from ankleloop.tables.trial_tables import read_trial_table
 from ankleloop.trials.files import write_csv
 from ankleloop.trials.trial_files import load_trials
+from ankleloop_workflow.jobs.job import running
+from ankleloop_workflow.paper.checks import StudyResults
+from ankleloop_workflow.paper.economy import measure_economy
+from ankleloop_workflow.paper.ledger import verify
+from ankleloop_workflow.tables.trial_tables import read_trial_table
 
 with running(snakemake):
     trials = chain.from_iterable(load_trials(path) for path in snakemake.input.trials)

@@ -51,7 +51,7 @@ def check_data(
     velocity and bandwidth of the torque; whether the torque has to do with the movement, and opposes it; whether the
     position is ahead of the reference, as it is where the two were exchanged; persistent excitation; and, if it is
     used, the strength of the reference, and whether it is the torque or a filter of it. They are those of
-    `ankleloop.recordings.checks.check_trial` that cost little.
+    `ankleloop_lab.recordings.checks.check_trial` that cost little.
     """
     warnings = []
     for number, trial in enumerate(trials, 1):
@@ -97,7 +97,7 @@ def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str
 def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Finding]:
     """Findings about position and torque of a trial, in an order that is that of every trial.
 
-    `ankleloop.recordings.checks.check_trial` shows all of them, an identification warns of those that are not ok.
+    `ankleloop_lab.recordings.checks.check_trial` shows all of them, an identification warns of those that are not ok.
     """
     motion = motion_products(trial, grid)
     return [

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
-from importlib import import_module
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -297,9 +296,9 @@ class Estimate:
         >>> estimate.plot(trial).data["series"].unique().tolist()
         ['measured', 'riv (estimated)', 'true (simulated)']
         """
-        # By name: figures stand above estimates, and no job of the workflow depends on them through an estimate.
-        plotting = import_module("ankleloop.plotting.estimates")
-        return plotting.plot_estimate(self, trial, figure, window)
+        from ankleloop.plotting.estimates import plot_estimate  # which stands above estimates
+
+        return plot_estimate(self, trial, figure, window)
 
     def methods_text(self) -> str:
         """A paragraph for a paper: method, records, rate, delay, intervals, options and version.
@@ -315,8 +314,9 @@ class Estimate:
         >>> "Options other than the defaults: order = 3." in text
         True
         """
-        # By name, as figures: methods stand above estimates.
-        return import_module("ankleloop.methods.description").describe_methods(self)
+        from ankleloop.methods.description import describe_methods  # which stands above estimates
+
+        return describe_methods(self)
 
     def __eq__(self, other: object) -> bool:
         """Whether method, parameters, intervals and torques are the same; details of the fit do not count."""

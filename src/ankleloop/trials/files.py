@@ -44,6 +44,12 @@ class UnreadableError(Exception):
     """What is wrong with the contents of a file, for a message that names it."""
 
 
+def describe_cause(cause: Exception) -> str:
+    """What an error says, in one line, with its type unless it is one of ours."""
+    text = str(cause) if isinstance(cause, UnreadableError) else f"{type(cause).__name__}: {cause}"
+    return text.partition("\n")[0][:300]
+
+
 def check_output(path: PathLike, *, overwrite: bool = False) -> Path:
     """Check that a file can be written and that nothing is lost by it; long computations do so before they begin."""
     path = Path(path)

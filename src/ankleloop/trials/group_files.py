@@ -11,9 +11,9 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.trials.contents import as_text
+from ankleloop.options import as_text
 from ankleloop.trials.files import PathLike, UnreadableError, atomic_file, write_netcdf
-from ankleloop.trials.reading_process import readable_file
+from ankleloop.trials.readable_files import readable_file
 
 GROUP_SUFFIXES = (".nc", ".mat")
 
@@ -22,7 +22,7 @@ GROUP_SUFFIXES = (".nc", ".mat")
 class Fields:
     """Variables and attributes of a group by name, as they come from a file.
 
-    They are read within `reading_process.name_errors`: a missing name or another shape makes a file unreadable.
+    They are read within `readable_files.name_errors`: a missing name or another shape makes a file unreadable.
     """
 
     source: str  # the file and the group, for messages

@@ -23,8 +23,14 @@ from ankleloop.signals.sampling import (
     parse_rate,
 )
 from ankleloop.trials.channels import CHANNELS, VARIABLES
-from ankleloop.trials.contents import Variable
-from ankleloop.trials.units import find_factor, find_position_unit
+from ankleloop.trials.units import (
+    POSITION_UNITS,
+    TORQUE_UNIT,
+    UNITS,
+    check_unit,
+    find_stated_unit,
+    strip_unit,
+)
 
 REQUIRED = ("position", "torque")
 SMALLEST_SPREAD, LARGEST_SPREAD = 1e-15, 1e15  # of a channel, rad or N·m
@@ -88,15 +94,17 @@ def new_trial(
     arrays: dict[str, np.ndarray] = {}
     attributes: dict[str, Any] = {"sampling_rate": rate}
     values = {"position": position, "torque": torque, "reference": reference, **extras}
-    position_unit = find_position_unit("position", _unit_of(position)) or "rad"
+    position_unit = "deg" if UNITS.get(strip_unit(_unit_of(position))) == "deg" else "rad"
     for name, value in values.items():
         if value is None and name not in REQUIRED:
             continue
         if name in CHANNELS or isinstance(value, list | tuple) or np.ndim(value) > 0:
             arrays[name] = as_samples(value, name, source=source)
-            if name in CHANNELS or name.startswith("torque"):
-                given = None if name.startswith("torque") else position_unit
-                arrays[name] *= find_factor(name, name, _unit_of(value), given, source=source)
+            if name.startswith("torque"):
+                check_unit(name, _unit_of(value), TORQUE_UNIT, source=source)
+            elif name in CHANNELS:
+                check_unit(name, _unit_of(value), position_unit, source=source)
+                arrays[name] *= POSITION_UNITS[position_unit]
         else:
             attributes[name] = _as_attribute(value, name, source)
     check_sizes({name: array.size for name, array in arrays.items()}, source=source)
@@ -108,7 +116,7 @@ def new_trial(
 
 def _unit_of(values: ArrayLike) -> str:
     """Unit that an array states by its attribute `units`, as a variable of a file does."""
-    return Variable("", (), list, getattr(values, "attrs", {})).unit
+    return find_stated_unit(getattr(values, "attrs", {}))
 
 
 def _describe(name: str) -> dict[str, str]:
@@ -250,7 +258,8 @@ def validate(trial: xr.Dataset, *, source: str = "trial") -> xr.Dataset:
                 "one float64 for each time: make the trial with new_trial; put numbers into attrs."
             )
         if name in CHANNELS or name.startswith("torque"):
-            find_factor(name, name, str(variable.attrs.get("units", "")), source=source)
+            unit = TORQUE_UNIT if name.startswith("torque") else "rad"
+            check_unit(name, str(variable.attrs.get("units", "")), unit, source=source)
     time = trial.variables["time"].values
     measured = compute_rate(time, source=source)
     rate = parse_rate(trial.attrs.get("sampling_rate", measured), source=source)

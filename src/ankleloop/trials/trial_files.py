@@ -13,7 +13,7 @@ import xarray as xr
 from ankleloop.errors import DataError
 from ankleloop.options import as_plain, check_flag, check_path
 from ankleloop.trials.files import PathLike, atomic_netcdf, write_netcdf
-from ankleloop.trials.reading_process import readable_file
+from ankleloop.trials.readable_files import readable_file
 from ankleloop.trials.trial import validate
 
 INDEX = "index"  # variable with point and number of each trial, and its attributes or why it is missing, as JSON
@@ -66,7 +66,7 @@ def load_trial(path: PathLike) -> xr.Dataset:
     Parameters
     ----------
     path : str or pathlib.Path
-        The NetCDF file. Files of other origin are read by `ankleloop.trials.readers.read_trial`.
+        The NetCDF file. Files of other origin are read by `ankleloop_lab.files.readers.read_trial`.
 
     Returns
     -------

@@ -1,73 +1,43 @@
-"""Units of the variables of a file, as their attributes or the ends of their names state them."""
+"""Units of the channels of a trial: torques in N·m, positions in rad or another unit of an angle."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Container
+from collections.abc import Mapping
 from typing import Any
 
-from ankleloop.errors import DataError
+import numpy as np
 
-TORQUE_UNITS = {  # and their N·m
-    "N·m": 1.0,
-    "mN·m": 1e-3,
-    "N·cm": 1e-2,
-    "lbf·ft": 1.3558179483314004,
-    "lbf·in": 0.1129848290276167,
-    "kgf·m": 9.80665,
-}
+from ankleloop.errors import DataError
+from ankleloop.options import as_text
+
+TORQUE_UNIT = "N·m"
 POSITION_UNITS = {  # and their rad
     "rad": 1.0,
     "deg": math.pi / 180.0,
     "mrad": 1e-3,
     "turn": 2.0 * math.pi,
 }
-# Spellings of the units of channels, without signs and capitals.
+# Spellings of the units, without signs and capitals.
 SPELLINGS = {
     "": "defaultunits",  # of nldat, where nobody has said which
     "N·m": "nm newtonmeter newtonmetre newtonmeters newtonmetres",
-    "mN·m": "mnm nmm millinewtonmeter millinewtonmetre millinewtonmeters millinewtonmetres",
-    "N·cm": "ncm newtoncentimeter newtoncentimetre newtoncentimeters newtoncentimetres",
-    "lbf·ft": "lbfft ftlbf ftlb ftlbs lbft lbsft footpound footpounds poundfoot poundfeet",
-    "lbf·in": "lbfin inlbf inlb inlbs lbin lbsin inchpound inchpounds poundinch",
-    "kgf·m": "kgfm mkgf kgm kpm",
     "rad": "rad radian radians",
     "deg": "deg degree degrees °",
     "mrad": "mrad milliradian milliradians",
     "turn": "turn turns rev revs revolution revolutions",
 }
-# How much N·m, or rad, 1 is in other units, and their spellings.
-OTHERS = {
-    "the {} per volt": "v mv uv volt volts millivolt millivolts",
-    "the {} per count": "count counts adc bit bits lsb tick ticks pulse pulses step steps",
-    "the {} of 1 %": "% percent pct %mvc",
-    "the lever arm in m": "n newton newtons",
-    "the mass of the body in kg": "nm/kg nmkg nmkg1 nmperkg 1/kg /kg",
-    "the {} of 1 in the file": "kn lb lbs lbf kg kgf mm cm a ma",
-}
-TIME_SPELLINGS = {
-    1.0: "s sec second seconds",
-    1e-3: "ms msec millisecond milliseconds",
-    1e-6: "us µs μs usec microsecond microseconds",
-}
-TIME_WORDS = ("time", "times", "t", "timestamp", "timestamps", "zeit", "elapsed", "elapsed time")
-PART_NUMBERS = re.compile(r"(\[[\d:,* ]+\])+$")
-BRACKETS = re.compile(r"[(\[]([^()\[\]]*[^\W\d_][^()\[\]]*|[°%])[)\]]$")  # that have no number
-RATE_UNITS = ("", "hz", "hertz", "1/s", "s-1", "s^-1", "samples/s", "samples per second")
-# A unit in a name begins behind one of these signs, or with a capital.
-UNIT_START = re.compile(r"^|[\s_,(\[-]+|(?<=[a-z])(?=[A-Z][A-Za-z])")
+# What turns samples into numbers with a unit, where no convention says how, and its neutral value.
+SCALES = {"conversion": 1.0, "gain": 1.0, "scale": 1.0, "sensitivity": 1.0, "offset": 0.0}
 
 
-def _by_spelling(spellings: dict[Any, str]) -> dict[str, Any]:
+def by_spelling(spellings: Mapping[Any, str]) -> dict[str, Any]:
     """Units by each of their spellings."""
     return {word: unit for unit, words in spellings.items() for word in words.split()}
 
 
-UNITS = _by_spelling(SPELLINGS)
-OTHER_UNITS = _by_spelling(OTHERS)
-TIME_UNITS = _by_spelling(TIME_SPELLINGS)
-CHANNEL_UNITS = UNITS | OTHER_UNITS
+UNITS = by_spelling(SPELLINGS)
 
 
 def strip_unit(text: str) -> str:
@@ -75,84 +45,29 @@ def strip_unit(text: str) -> str:
     return re.sub(r"[\s·.*⋅•×_^()\[\]-]", "", text).lower()
 
 
-def is_unit(text: str) -> bool:
-    """Whether a text is a known unit of a channel or a time."""
-    return strip_unit(text) in CHANNEL_UNITS | TIME_UNITS
+def find_stated_unit(attributes: Mapping[str, Any]) -> str:
+    """Unit that attributes state, and a scale without a convention; texts that differ are joined, to be refused."""
+    units: dict[str, str] = {}
+    scales = {} if is_nwb(attributes) else SCALES
+    for name, value in attributes.items():
+        word = name.lower()
+        is_number = np.asarray(value).dtype.kind in "iuf"
+        if word in ("units", "unit"):
+            text = as_text(value)
+            units[UNITS.get(strip_unit(text), text)] = text
+        elif word in scales and is_number and np.any(value != scales[word]):
+            units[name] = f"{name} = {value}"
+    return " and ".join(text for unit, text in units.items() if unit)
 
 
-def normalise_unit(text: str) -> str:
-    """Unit in one of its spellings, where it is one of a channel."""
-    return UNITS.get(strip_unit(text), text)
+def is_nwb(attributes: Mapping[str, Any]) -> bool:
+    """Whether a scale follows the convention of NWB: in its unit a sample is `stored · conversion + offset`."""
+    return "conversion" in attributes and "unit" in attributes
 
 
-def split_unit(name: str, units: Container[str] = CHANNEL_UNITS) -> tuple[str, str]:
-    """A name without its unit, and the longest end of it that is a unit, or else what its last brackets have.
-
-    The numbers of a part, as those of `angle_deg[3]`, do not count.
-    """
-    whole = PART_NUMBERS.sub("", name)
-    for start in UNIT_START.finditer(whole):
-        end = whole[start.end() :]
-        if strip_unit(end) in units:
-            return whole[: start.start()], end.strip(" ()[]")
-    brackets = BRACKETS.search(whole)
-    if brackets:
-        return whole[: brackets.start()], brackets[1].strip()
-    return whole, ""
-
-
-def find_position_unit(name: str, stated: str) -> str | None:
-    """Unit of a position as the file states it, or else its name; None where it is read with an option only."""
-    unit = normalise_unit(stated or split_unit(name)[1])
-    return unit if unit in ("rad", "deg") else None
-
-
-def find_factor(
-    role: str, name: str, stated: str, given: str | float | None = None, *, source: str
-) -> float:
-    """How much N·m, or rad, 1 is in a channel; one whose unit, as the file states it, is not the given one is refused.
-
-    Without an option it is read in rad or N·m. An option settles what a name has in brackets, if that is no unit; a
-    number, how much 1 is in the file, settles all but an offset.
-    """
-    option, usual, factors = "position_unit", "rad", POSITION_UNITS
-    if role.startswith("torque"):
-        option, usual, factors = "torque_unit", "N·m", TORQUE_UNITS
-    if "offset = " in stated.lower():
+def check_unit(name: str, stated: str, expected: str, *, source: str) -> None:
+    """Refuse a channel that states another unit than the expected one; most state none."""
+    if UNITS.get(strip_unit(stated), stated) not in ("", expected):
         raise DataError(
-            f"{source}: {name} has {stated} according to the file, which no option applies: apply it to the samples, "
-            "and make the trial with new_trial."
+            f"{source}: {name} is in {stated!r} according to its attributes: convert it to {expected}."
         )
-    expected = given or usual
-    factor = expected if isinstance(expected, float) else factors[expected]
-    unit = normalise_unit(stated or split_unit(name)[1])
-    is_settled = given is not None and not stated and not is_unit(unit)
-    if unit in ("", expected) or isinstance(given, float) or is_settled:
-        return factor
-    if unit in factors:
-        advice = f", but {option} is {expected!r}: pass {option}={unit!r} (1 {unit} = {factors[unit]:.6g} {usual})"
-    else:
-        size = OTHER_UNITS.get(strip_unit(unit), "the {} of 1 in the file").format(usual)
-        advice = f": pass {size} as {option}"
-    raise DataError(
-        f"{source}: {name} is in {stated or unit!r} according to the file{advice}, or convert it to {usual}.",
-        remedy={option: unit if unit in factors else None},
-    )
-
-
-def is_time(text: str) -> bool:
-    """Whether a name or a unit says that something is a time: by a word and no other, or by a unit in brackets."""
-    word, unit = split_unit(text, TIME_UNITS)
-    word = word.strip(" _,-").lower()
-    is_unit_of_time = strip_unit(unit) in TIME_UNITS and (word == "" or text.endswith((")", "]")))
-    return is_unit_of_time or (word in TIME_WORDS and text != "T")  # which is often the torque
-
-
-def time_factor(name: str, stated: str, *, source: str) -> float | None:
-    """Seconds per unit of a time column; None if neither the file nor the name of the column states its unit."""
-    unit = stated.lower().split(" since ")[0].strip() or split_unit(name, TIME_UNITS)[1]
-    if unit and strip_unit(unit) not in TIME_UNITS:
-        raise DataError(
-            f"{source}: {name} is in {unit!r} according to the file: write it in seconds, ms or µs."
-        )
-    return TIME_UNITS.get(strip_unit(unit))

@@ -14,9 +14,10 @@ from concurrent.futures.process import BrokenProcessPool
 import numpy as np
 
 from ankleloop import DataError, load_estimate, load_trial, read_trial
-from ankleloop.trials import reading_process
+from ankleloop.trials import readable_files
 from ankleloop.trials.trial import validate
 from ankleloop.trials.trial_files import load_trials
+from ankleloop_lab.files import reading_process
 from fuzz.corpus import READERS, make_corpus
 from fuzz.mutation import mutate
 
@@ -97,7 +98,9 @@ def fuzz(reader, minutes, seed, folder):
         else:
             path.unlink()
     signal.alarm(0)
-    reading_process.stop()  # its peak of memory is known once it has ended
+    # Their peak of memory is known once they have ended.
+    reading_process.process.stop()
+    readable_files.process.stop()
     peak = (
         max(
             resource.getrusage(who).ru_maxrss

@@ -1,0 +1,1 @@
+"""Files of laboratories: one reader for each format, and how their variables become a trial."""

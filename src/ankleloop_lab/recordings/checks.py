@@ -1,0 +1,212 @@
+"""Checks of a recording before anything is fitted to it, with their results in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ankleloop.checks.data import (
+    check_signals,
+    rectifier_regressors,
+    refuse_repeated_trials,
+)
+from ankleloop.checks.findings import VERDICTS, Finding, merge_findings, name_trial
+from ankleloop.checks.loop import check_loop, path_bias
+from ankleloop.checks.movement import (
+    check_excitation,
+    check_sign,
+    motion_products,
+    project_records,
+    regress_torque_by_reference,
+)
+from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
+from ankleloop.checks.reference import check_instrument
+from ankleloop.errors import DataError
+from ankleloop.joint.prepared import PreparedTrial, prepare_trials
+from ankleloop.joint.regressors import Regressors
+from ankleloop.methods.method import KnownDelayOptions, Trial
+from ankleloop.options import option, show_fields
+from ankleloop.signals.responses import ReferenceProjection
+from ankleloop_lab.recordings.validity import describe_validity, valid_methods
+
+
+@dataclass(frozen=True)
+class Check:
+    """Results of all checks of a recording.
+
+    Parameters
+    ----------
+    findings : list of Finding
+        In the order of the checks.
+    loop : {"closed", "open", "undecided"}
+        Whether torque feeds back on the position.
+    methods : dict of str to dict
+        Methods that are valid for this recording, with the options that make them so.
+    spectra : dict of str to ndarray
+        `frequency` [Hz], power spectral densities of `position` [rad²/Hz] and `torque` [(N·m)²/Hz], squared `coherence`
+        of the two, and of the reference with the position where there is one (`reference_coherence`).
+    reference : bool
+        Whether there is a usable reference.
+    path_bias : float
+        How far K of a model without a reflex is off [%], see `ankleloop.checks.loop.path_bias`.
+    """
+
+    findings: list[Finding]
+    loop: str
+    methods: dict[str, dict[str, Any]]
+    spectra: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
+    reference: bool = False
+    path_bias: float = 0.0
+
+    @property
+    def verdict(self) -> str:
+        """The worst of all verdicts."""
+        return max((finding.verdict for finding in self.findings), key=VERDICTS.index)
+
+    @property
+    def reasons(self) -> list[str]:
+        """Texts of all findings that are not ok."""
+        return [finding.text for finding in self.findings if finding.verdict != "ok"]
+
+    @property
+    def remedy(self) -> dict[str, Any]:
+        """Values of the options that the findings ask for, None where only the user knows the value."""
+        return {name: value for f in self.findings for name, value in f.remedy.items()}
+
+    @property
+    def instrumental(self) -> bool:
+        """Whether results have to rest on the reference: feedback is there, or is not excluded."""
+        return self.reference and self.loop != "open"
+
+    def __str__(self) -> str:
+        return "\n".join(f"{f.verdict:>8}  {f.name}: {f.text}" for f in self.findings)
+
+
+class CheckOptions(KnownDelayOptions):
+    """Options of `check_trial`."""
+
+    reference: str = option("reference", "variable that serves as reference")
+    order: int = option(2, "largest order that a subspace method will use", ge=1, le=20)
+    block_rows: int = option(15, "largest number of its block rows", unit="samples", ge=3, le=200)
+
+
+@show_fields(CheckOptions)
+def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
+    """Check what can be identified from a recording before anything is fitted to it.
+
+    The checks are: length and rates; clipping, stretches at rest and spikes of position and torque; their size, and how
+    much of the torque the movement explains; sign of the torque, coherence, persistent excitation for the given order
+    and block rows, slow drift, whether there is a usable reference (not exchanged with the position, and no filter of
+    the torque), whether the torque feeds back on the position, and which methods are therefore valid. Those that cost
+    little are made by every identification as well (`ankleloop.checks.data.check_data`).
+
+    Parameters
+    ----------
+    trial : xarray.Dataset or PreparedTrial, or list of those
+        The recording: a trial, or several short ones that are to be merged into one identification.
+    **options
+        `reference`, the variable that serves as reference; reflex `delay` [s]; largest `order` and `block_rows` that a
+        subspace method will use; `identification_rate` [Hz].
+
+    Returns
+    -------
+    Check
+        Length, reference, loop and methods are those of all trials together; of every other property it has the worst
+        finding, with the number of its trial.
+
+    Raises
+    ------
+    DataError
+        If the list is empty or has a record twice, or a trial is not valid.
+
+    See Also
+    --------
+    ankleloop.identify : Makes those of the checks that cost little, too.
+    ankleloop.read_trial : A trial from a file.
+
+    Examples
+    --------
+    >>> from ankleloop.simulation.simulate import simulate
+    >>> check = check_trial(simulate(seed=1))
+    >>> check.verdict, check.loop, "riv" in check.methods
+    ('ok', 'closed', True)
+    """
+    values = CheckOptions.parse("check_trial", **options)
+    trials = prepare_trials(trial)
+    if not trials:
+        raise DataError("there are no trials to check.")
+    refuse_repeated_trials(trials)
+    values = values.at_rate(trials[0].rate)
+    length = check_length(trials, values.identification_rate)
+    if length.verdict == "refused":
+        return Check([length], "undecided", {})
+    try:
+        records = _make_records(trials, values)
+    except DataError as error:
+        return Check(
+            [length, Finding("signals", "refused", str(error), error.remedy)], "undecided", {}
+        )
+    signals = [
+        check_signals(part, record.grid, values.delay)
+        for part, record in zip(trials, records, strict=True)
+    ]
+    usable, strength = check_instrument(trials, records, values.delay)
+    projection = project_records(records) if usable else None
+    loop, feedback = check_loop(records, projection)
+    sign = _check_sign(trials, records, projection if loop != "open" else None)
+    velocities = [record.inputs[:, 1] for record in records]
+    findings = [
+        length,
+        *map(merge_findings, zip(*signals, strict=True)),
+        sign,
+        merge_findings([check_coherence(record) for record in records]),
+        check_excitation(velocities, values.order, values.block_rows),
+        merge_findings([check_drift(record) for record in records]),
+        strength,
+    ]
+    spectra = estimate_spectra(records)
+    if sign.verdict == "refused":  # loop and methods rest on it
+        return Check(findings, "undecided", {}, spectra, usable)
+    bias = path_bias(records)
+    merged = len(records) > 1
+    methods = valid_methods(loop, usable, bias, merged=merged)
+    validity = describe_validity(methods, loop, usable, bias, merged=merged)
+    findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
+    return Check(findings, loop, methods, spectra, usable, bias)
+
+
+def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> list[Regressors]:
+    """Regressors of all trials, with the reference if all have it; an error has the number of its trial."""
+    name: str | None = options.reference
+    if name == "position" or not all(name in trial.trial for trial in trials):
+        name = None
+    records = []
+    for number, trial in enumerate(trials, 1):
+        try:
+            record = rectifier_regressors(trial, options.delay, options.identification_rate, name)
+        except DataError as error:
+            raise DataError(f"{name_trial(number, len(trials))}{error}", error.remedy) from None
+        records.append(record)
+    return records
+
+
+def _check_sign(
+    trials: Sequence[PreparedTrial],
+    records: Sequence[Regressors],
+    projection: ReferenceProjection | None,
+) -> Finding:
+    """Sign of the torque; by what the reference explains where least squares may be off by torque that is fed back."""
+    if projection is not None:
+        fits = regress_torque_by_reference(projection)
+    else:
+        pairs = zip(trials, records, strict=True)
+        motions = [motion_products(trial, record.grid) for trial, record in pairs]
+        fits = [(motion.stiffness, motion.explained) for motion in motions]
+    signs = [
+        check_sign(trial, stiffness, explained)
+        for trial, (stiffness, explained) in zip(trials, fits, strict=True)
+    ]
+    return merge_findings(signs)

@@ -1,0 +1,248 @@
+"""Conditions compared within subjects: means, paired differences, and how well sessions repeat."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from ankleloop.errors import DataError
+from ankleloop.quantities import QUANTITIES
+from ankleloop.signals.vaf import confidence_margin
+from ankleloop_lab.recordings.labels import order_conditions
+
+COMPARED = ("K", "B", "I", "G")
+POWER = 0.8  # probability that a difference is found
+QUANTILE = 0.975  # of two-sided 95 %
+NORMAL = 1.96  # that of the normal distribution
+MOST_SUBJECTS = 1000
+NO_LABEL = ("", "–", None)  # cells without one
+
+Row = dict[str, Any]
+
+
+def compare(
+    table: pd.DataFrame,
+    condition: str = "condition",
+    within: str = "subject",
+    *,
+    size: float = 10.0,
+) -> pd.DataFrame:
+    r"""Compare the parameters of conditions within subjects.
+
+    Each subject has one value for each condition: the plain mean of its rows, which may be sessions. Over subjects, a
+    mean and a paired difference :math:`d` of n subjects with the standard deviation s have Student's interval
+
+    .. math:: \bar d \pm t_{0.975, \, n - 1} \, s / \sqrt{n}.
+
+    Subjects count alike: weights by the inverse variance of each estimate would favour those with a low K.
+
+    With several sessions, in the column `session`, the mean squares between subjects (:math:`MS_S`), between sessions
+    (:math:`MS_T`) and of the rest (:math:`MS_E`), of n subjects with all k sessions, give the agreement of single
+    sessions, the standard error of measurement and the smallest change of one subject that can be told from it,
+
+    .. math:: ICC(2,1) = \frac{MS_S - MS_E}{MS_S + (k - 1) MS_E + k (MS_T - MS_E) / n}, \qquad
+              SEM = \sqrt{MS_E}, \qquad MDC = 1.96 \sqrt{2} \, SEM.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        A row for each recording, from `ankleloop.identify_each` or with the columns K, B, I and G. Rows without a value
+        are left out, and those that are not `trusted` where there is this column.
+    condition : str
+        Column of the conditions. They stand in the order of the numbers in them, those without a number first; without
+        any in the order of appearance; a categorical column in its own order.
+    within : str
+        Column of the subjects.
+    size : float
+        Difference for which the number of subjects is computed [%].
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows for each `parameter`, with its `unit`. `kind` is "mean" of a `condition`; "difference" of a `condition`
+        from a `reference`; or, with sessions, "ICC(2,1)", "SEM" and "MDC" of a condition. The number of `subjects`, the
+        `value` with the ends `low` and `high` of its 95 % interval. Of a difference also `percent`, `percent_low`,
+        `percent_high`, the mean of the differences in % of the value that each subject has in the reference, where
+        these are positive; and `needed`, the number of subjects that show a difference of `size` with a power of
+        80 %. Each interval holds by itself.
+
+    Raises
+    ------
+    DataError
+        If a column is missing, or no row has a value.
+
+    See Also
+    --------
+    ankleloop.identify_each : Makes the table.
+
+    References
+    ----------
+    .. [1] P.E. Shrout, J.L. Fleiss, "Intraclass correlations: uses in assessing rater reliability", Psychological
+       Bulletin 86(2):420-428, 1979. https://doi.org/10.1037/0033-2909.86.2.420
+    .. [2] J.P. Weir, "Quantifying test-retest reliability using the intraclass correlation coefficient and the SEM",
+       Journal of Strength and Conditioning Research 19(1):231-240, 2005. https://doi.org/10.1519/15184.1
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"subject": ["S1", "S2", "S3"] * 2, "condition": ["rest"] * 3 + ["10MVC"] * 3})
+    >>> table["K"] = [100.0, 120.0, 80.0, 141.0, 160.0, 122.0]
+    >>> result = compare(table, "condition")
+    >>> print(describe_differences(result))
+    K rises by 41 (38.52 … 43.48) N·m/rad from rest to 10MVC (3 subjects, paired 95 % intervals).
+    """
+    used = select_rows(table, [condition, within])
+    rows: list[Row] = []
+    for name in COMPARED:
+        if name not in used or used[name].isna().all():
+            continue
+        means = used.pivot_table(name, within, condition, observed=True, sort=False)
+        means = means[_order(used[condition], means)]
+        found = [{"kind": "mean", "condition": key, **_describe(means[key])} for key in means]
+        for first, second in combinations(means, 2):
+            found.append(_describe_difference(means[first], means[second], size))
+        if "session" in used:
+            sessions = used.pivot_table(name, within, [condition, "session"], observed=True)
+            for key in means:
+                found += _describe_repeatability(sessions[[key]].dropna().to_numpy(), key)
+        unit = QUANTITIES[name].unit
+        rows += [{"parameter": name, "unit": unit, **row} for row in found]
+    if not rows:
+        raise DataError("no row has a value of K, B, I or G that can be trusted.")
+    return pd.DataFrame(rows)
+
+
+def select_rows(table: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
+    """Rows that can be trusted and have all of some labels."""
+    for column in columns:
+        if column not in table:
+            known = ", ".join(map(str, table))
+            raise DataError(f"the table has no column {column!r}; it has {known}.")
+    used = table[table["trusted"].eq(True)] if "trusted" in table else table
+    return used.dropna(subset=columns)
+
+
+def _order(conditions: pd.Series, known: pd.DataFrame) -> list[Any]:
+    """Conditions that have a value, in the order in which they are compared."""
+    if isinstance(conditions.dtype, pd.CategoricalDtype):
+        order = list(conditions.cat.categories)
+    else:
+        order = order_conditions(conditions.unique())
+    return [condition for condition in order if condition in known]
+
+
+def _describe(values: pd.Series) -> Row:
+    """Mean over subjects with its interval."""
+    count = values.count()
+    mean = values.mean()
+    margin = confidence_margin(values.std(), count)
+    return {"subjects": count, "value": mean, "low": mean - margin, "high": mean + margin}
+
+
+def _describe_difference(first: pd.Series, second: pd.Series, size: float) -> Row:
+    """Row of the paired difference of a condition from another one."""
+    difference = (second - first).dropna()
+    row = {"kind": "difference", "condition": second.name, "reference": first.name}
+    row |= _describe(difference)
+    base = first[difference.index]
+    if (base > 0).all():
+        percent = _describe(100.0 * difference / base)
+        row["percent"] = percent["value"]
+        row["percent_low"] = percent["low"]
+        row["percent_high"] = percent["high"]
+    if difference.std() > 0:
+        row["needed"] = count_subjects(size / 100.0 * abs(base.mean()), difference.std())
+    return row
+
+
+def count_subjects(difference: float, deviation: float) -> float:
+    """Number of subjects that show a difference with a power of 80 %, by the paired t test at a level of 5 %.
+
+    `deviation` is the standard deviation of the differences over subjects. Infinite above a thousand.
+
+    >>> count_subjects(5.0, 10.0), count_subjects(8.0, 10.0)
+    (34.0, 15.0)
+    """
+    counts = np.arange(2.0, MOST_SUBJECTS + 1.0)
+    quantile = special.stdtrit(counts - 1.0, QUANTILE)
+    shift = difference / deviation * np.sqrt(counts)
+    missed = special.nctdtr(counts - 1.0, shift, quantile)
+    enough = counts[missed <= 1.0 - POWER]
+    return float(enough[0]) if enough.size else np.inf
+
+
+def _describe_repeatability(values: np.ndarray, condition: Any) -> list[Row]:
+    """Rows of the agreement of the values of subjects (rows) in sessions (columns), by the analysis of variance."""
+    n, k = values.shape
+    if n < 2 or k < 2:
+        return []
+    mean = values.mean()
+    of_subjects = values.mean(axis=1) - mean
+    of_sessions = values.mean(axis=0) - mean
+    rest = values - mean - of_subjects[:, None] - of_sessions
+    ms_subjects = k * np.sum(of_subjects**2) / (n - 1)
+    ms_sessions = n * np.sum(of_sessions**2) / (k - 1)
+    ms_rest = np.sum(rest**2) / ((n - 1) * (k - 1))
+    total = ms_subjects + (k - 1) * ms_rest + k * (ms_sessions - ms_rest) / n
+    common = {"condition": condition, "subjects": n}
+    sem = np.sqrt(ms_rest)
+    icc = (ms_subjects - ms_rest) / total
+    return [
+        {**common, "kind": "ICC(2,1)", "unit": "1", "value": icc},
+        {**common, "kind": "SEM", "value": sem},
+        {**common, "kind": "MDC", "value": NORMAL * np.sqrt(2.0) * sem},
+    ]
+
+
+def select_comparable(table: pd.DataFrame) -> pd.DataFrame | None:
+    """Recordings whose conditions can be compared within subjects, a row for each; None where there are none.
+
+    All are by the method that is recommended most often, so that no difference is one of methods. Where no
+    session is stated, several trials of a subject in a condition are sessions.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        A row for each recording and method, as the workflow and `ankleloop identify` have it.
+
+    Examples
+    --------
+    >>> select_comparable(pd.DataFrame({"subject": ["S1"], "condition": [""], "recommended": [True]})) is None
+    True
+    """
+    recommended = table[table["recommended"].eq(True)]
+    groups = table[["subject", "condition"]]
+    if recommended.empty or groups.isin(NO_LABEL).any(axis=None):
+        return None
+    used = table[table["label"] == recommended["label"].mode()[0]]
+    used = select_rows(used, list(groups))
+    if used["subject"].nunique() < 2 or used["condition"].nunique() < 2:
+        return None
+    is_stated = ~used["session"].isin(NO_LABEL)
+    return used.assign(session=used["session"].where(is_stated, used["trial"]))
+
+
+def describe_differences(comparison: pd.DataFrame, name: str = "K") -> str:
+    """Differences of a parameter from the first condition, in a sentence."""
+    rows = comparison[(comparison["parameter"] == name) & (comparison["kind"] == "difference")]
+    rows = rows[rows["reference"] == rows["reference"].iloc[0]]
+    sentence = ", and ".join(_describe_change(row) for _, row in rows.iterrows())
+    subjects = " or ".join(f"{count}" for count in rows["subjects"].unique())
+    return f"{sentence[0].upper()}{sentence[1:]} ({subjects} subjects, paired 95 % intervals)."
+
+
+def _describe_change(row: pd.Series) -> str:
+    """A difference in words."""
+    ends = [row["value"], row["low"], row["high"]]
+    change = f"no difference of {row['parameter']} is shown:"
+    if row["low"] > 0:
+        change = f"{row['parameter']} rises by"
+    elif row["high"] < 0:
+        change = f"{row['parameter']} falls by"
+        ends = [-row["value"], -row["high"], -row["low"]]
+    numbers = "{:.4g} ({:.4g} … {:.4g})".format(*ends)
+    return f"{change} {numbers} {row['unit']} from {row['reference']} to {row['condition']}"

@@ -1,0 +1,153 @@
+"""What the notebooks of all studies share: a study with its files, its figures and tables with their captions."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from types import SimpleNamespace
+
+import pandas as pd
+from IPython.display import HTML, Image, Markdown, display
+from matplotlib.figure import Figure
+
+from ankleloop.joint.estimate import Estimate
+from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
+from ankleloop.quantities import point_column
+from ankleloop_lab.pages.rendering import render_table
+from ankleloop_workflow.tables.captions import describe_settings, describe_values, typical_point
+from ankleloop_workflow.tables.comparisons import write_table
+from ankleloop_workflow.tables.estimate_tables import load_estimates
+from ankleloop_workflow.tables.outcomes import count_faults, list_reasons
+from ankleloop_workflow.tables.trial_tables import read_results
+
+MEANS = (
+    "± is half of a 95 % interval. Means leave out failed trials and include those with a warning; those of G, ωn and "
+    "ζ leave out trials whose reflex path is no ramp with a low-pass behind it (without G)."
+)
+
+Estimates = Mapping[str, Mapping[int, Estimate]]  # by method and trial
+
+
+class StudyPage(SimpleNamespace):
+    """A study as its notebook takes it: what `ankleloop_workflow.config.run.report_parameters` gives are attributes."""
+
+    @cached_property
+    def details(self) -> pd.DataFrame:
+        """Scores, parameters and diagnostics: a row for each estimate."""
+        return read_results(self.table_file)
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """The same, with the label of the method as `series`."""
+        return self.details.assign(series=self.details["method"].map(self.labels))
+
+    @cached_property
+    def predictions(self) -> pd.DataFrame:
+        """What `ankleloop_workflow.jobs.predictions.predict` has written: a row for each point, kind and seed."""
+        return pd.read_parquet(self.prediction_file)
+
+    @property
+    def keys(self) -> list[str]:
+        """Columns with the values of the points."""
+        return [point_column(name) for name in self.varied]
+
+    @property
+    def styles(self) -> dict[str, MethodStyle]:
+        """Style of each label."""
+        return label_styles(self.labels, self.algorithms)
+
+    @cached_property
+    def typical(self) -> str:
+        """Point that figures of single trials show: one of those where that trial was identified, if there are any."""
+        details = self.details
+        is_shown = (details["trial"] == self.figure["trial"]) & details["failure"].isna()
+        names = set(details.loc[is_shown, "point"])
+        points = {name: values for name, values in self.points.items() if name in names}
+        return typical_point(points or self.points, self.varied)
+
+    def load_estimates(self, point: str) -> Estimates:
+        """Estimates at a point, by method and trial."""
+        return {name: load_estimates(self.estimates, point, name) for name in self.labels}
+
+    def select_estimates(self, estimates: Estimates, methods: Iterable[str]) -> dict[str, Estimate]:
+        """Estimates of the trial that figures show, by label; those that failed are not among them."""
+        trial = self.figure["trial"]
+        selection = {
+            self.labels[name]: estimates[name][trial]
+            for name in methods
+            if trial in estimates[name]
+        }
+        self.refuse_empty(selection)
+        return selection
+
+    def refuse_empty(self, shown: Mapping[str, object]) -> None:
+        """Refuse a figure of a single trial of which nothing was identified."""
+        if not shown:
+            raise ValueError(
+                "the trial of the figure could not be identified: set another number as figure: trial."
+            )
+
+    def show_figure(
+        self, figure: Figure, name: str, caption: str, note: str | None = "", *, width: int = 980
+    ) -> None:
+        """Save a figure, and show it with its caption; settings, warnings and a note are folded below.
+
+        Without a note (None) nothing is.
+        """
+        self.check_figure(name)
+        save_figure(figure, f"{self.figure_stem}-{name}", overwrite=True)
+        show_picture(f"{self.figure_stem}-{name}.png", caption, width)
+        if note is not None:
+            display(self.fold(note))
+
+    def check_figure(self, name: str) -> None:
+        """Refuse a figure that the list of notebooks does not have: nobody would find it among the results."""
+        if name not in self.figures:
+            listed = ", ".join(self.figures)
+            raise ValueError(
+                f"the figure {name!r} is not in notebooks/notebooks.yaml, which has {listed}."
+            )
+
+    def show_table(
+        self, cells: pd.DataFrame, caption: str, note: str = "", table: pd.DataFrame | None = None
+    ) -> None:
+        """Show a table with its caption; `table` is written as CSV, and the cells as Markdown beside it."""
+        note = f"{note} {MEANS}".strip()
+        if table is not None:
+            write_table(table, self.table_stem, cells, f"{caption} {note} {self._conditions()}")
+        display(HTML(render_table(cells)), Markdown(caption), self.fold(note))
+
+    def _conditions(self) -> str:
+        """Number of trials at each point and the settings that they share."""
+        settings = describe_settings(self.points[self.typical], self.varied)
+        return f"{self.details['trial'].nunique()} trials at each point; {settings}."
+
+    def render_faults(self) -> tuple[str, str]:
+        """Sentence that counts failures and warnings, and HTML with the reason of each; both empty without any."""
+        reasons = list_reasons(self.details)
+        if reasons.empty:
+            return "", ""
+        points = self.details.drop_duplicates("point").set_index("point")[self.keys].astype(object)
+        settings = [
+            describe_values(points.loc[name].dropna()) or name for name in reasons.pop("point")
+        ]
+        cells = reasons.assign(method=reasons["method"].map(self.labels), example=settings)
+        sentence = count_faults(self.details, "see the end of this page")
+        return sentence, f"<h2>Failures and warnings</h2>{render_table(cells)}"
+
+    def fold(self, note: str = "") -> HTML:
+        """Trials and settings of the study, and a note, behind a line that opens them."""
+        parts = [note, self._conditions(), count_faults(self.details)]
+        text = html.escape(" ".join(filter(None, parts)))
+        return HTML(f"<details><summary>Trials and settings</summary><p>{text}</p></details>")
+
+
+def show_picture(path: str, caption: str, width: int = 980) -> None:
+    """Show a picture with its caption, which is also what readers get who do not see it."""
+    display(Image(path, width=width, alt=caption.replace("**", "")), Markdown(caption))
+
+
+def read_published(page: StudyPage, name: str) -> pd.DataFrame:
+    """A table of the paper."""
+    return pd.read_csv(f"{page.published}/{name}.csv")

@@ -1,0 +1,169 @@
+"""The ledger: every number and claim of the paper against results, and the texts that rest on its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+from ankleloop.trials.files import PathLike
+from ankleloop_workflow.paper import checks, judgement
+from ankleloop_workflow.paper.assumptions import measure_assumptions
+from ankleloop_workflow.paper.checks import DRAWN, Case, MissingEvidence, Row, StudyResults
+from ankleloop_workflow.tables.comparisons import format_pairs, format_rows
+
+VERDICTS = {
+    judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
+    judgement.CONDITIONAL: "the same, with something assumed that the paper does not give",
+    judgement.AT_TOLERANCE: "our value is within a fifth of the tolerance from the limit: no number of trials decides",
+    judgement.NOT_REPRODUCED: "the whole interval of a comparison lies outside; all intervals hold together with 95 %",
+    judgement.OPEN: "the interval reaches across the limit, there is none (a single trial), or a result is missing",
+    judgement.CONTRADICTION: "the paper says two things; no run can change that",
+    judgement.BY_CONSTRUCTION: "it follows from a definition; no run can change that",
+}
+PAPER, FINDING = "paper", "finding"  # whose statement a row is: the paper's or ours
+HOLDS = "holds in … % of the settings drawn"  # heading
+SECTIONS = {"table1": "IV, Table 1", "table2": "V, Table 2"}
+MEANS = {
+    "table1": "mean VAF [%]",
+    "table2": "mean VAF of a simulated stand-in, as the recording is not public [%]",
+}
+LEDGER_COLUMNS = (
+    "id",
+    "section",
+    "statement",
+    "method",
+    "torque",
+    "unit",
+    "paper",
+    "ours",
+    "uncertainty",
+    "tolerance",
+    "difference",
+    "difference_low",
+    "difference_high",
+    "verdict",
+    "holds",
+    "holds_low",
+    "holds_high",
+    "reason",
+    "conditions",
+    "how",
+    "source",
+)
+
+Conclusions = Mapping[str, Mapping[str, str]]
+
+
+def verify(
+    published: Mapping[str, pd.DataFrame],
+    studies: Mapping[str, StudyResults],
+    measurements: pd.DataFrame,
+) -> pd.DataFrame:
+    """Check every number of the published tables, every claim of the paper, and our own findings, by one rule."""
+    labels = {name: studies[name].labels if name in studies else {} for name in SECTIONS}
+    rows = [claim_numbers(name, published[name], labels[name]) for name in SECTIONS]
+    rows += [published["claims"].assign(source=PAPER), published["findings"].assign(source=FINDING)]
+    claims = pd.concat(rows, ignore_index=True)
+    if DRAWN in studies:
+        drawn = measure_assumptions(claims, studies[DRAWN])
+        measurements = pd.concat([measurements, drawn], ignore_index=True)
+    by_quantity = measurements.set_index("quantity")
+    shares = by_quantity.reindex(f"{DRAWN}/" + claims["id"])[["value", "low", "high"]]
+    claims[["holds", "holds_low", "holds_high"]] = shares.to_numpy()
+    results = [_check(Case(claim, studies, by_quantity)) for claim in claims.itertuples()]
+    return claims.join(pd.DataFrame(results)).reindex(columns=LEDGER_COLUMNS)
+
+
+def claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
+    """Numbers of a published table as claims, with the label of the method."""
+    method, torque = table["method"], table["torque"]
+    label = method.replace(dict(labels))
+    mean = f"mean: {name} vaf_" + torque + "_" + table["against"] + " " + method
+    return table.assign(
+        id=f"{name}/" + method + "/" + torque,
+        check=f"means {MEANS[name]}",
+        comparisons="'': {" + mean + ", from: " + table["paper"].astype(str) + ", accept: within}",
+        section=SECTIONS[name],
+        statement=torque + " torque by " + label,
+        method=label,
+        unit="% VAF",
+        conditions="reflex gain, load, actuator and voluntary torque assumed",
+        how="mean VAF over trials is within the tolerance of the published number",
+        source=PAPER,
+    )
+
+
+def _check(case: Case) -> Row:
+    """Verdict on a claim, with the numbers that it rests on and its reason."""
+    name, *arguments = case.claim.check.split()
+    try:
+        return getattr(checks, f"check_{name}")(case, *arguments)
+    except MissingEvidence as missing:
+        return {"verdict": judgement.OPEN, "reason": str(missing)}
+
+
+def count_held(ledger: pd.DataFrame) -> str:
+    """How many numbers and claims of the paper hold, of those that can be decided."""
+    verdicts = ledger.loc[ledger["source"] == PAPER, "verdict"]
+    held = int(verdicts.isin([judgement.REPRODUCED, judgement.CONDITIONAL]).sum())
+    decided = held + int((verdicts == judgement.NOT_REPRODUCED).sum())
+    return f"{held} of the {decided} numbers and claims of the paper that can be decided hold"
+
+
+def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
+    """The ledger as a table for people."""
+    is_conditional = ledger["verdict"] == judgement.CONDITIONAL
+    conditions = (" Condition: " + ledger["conditions"] + ".").where(is_conditional, "")
+    columns = {
+        "id": "{id}",
+        "section": "{section}",
+        "statement": "{statement}",
+        "unit": "{unit}",
+        "paper": "{paper:.4g}",
+        "ours": "{ours:.4g} ± {uncertainty:.2g}",
+        "difference": "{difference:+.3g} ({difference_low:+.3g} … {difference_high:+.3g})",
+        "tolerance": "{tolerance:g}",
+        "verdict": "{verdict}",
+        HOLDS: "{holds:.0f} ({holds_low:.0f} … {holds_high:.0f})",
+        "reason": "{reason}",
+    }
+    return format_rows(ledger.assign(reason=ledger["reason"] + conditions), columns)
+
+
+def read_conclusions(path: PathLike) -> Conclusions:
+    """Conclusions that a person has written, by the claim that each rests on: its verdict, a sentence, a paragraph."""
+    return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+
+
+def conclude(
+    ledger: pd.DataFrame, conclusions: Conclusions, claim: str, part: str = "paragraph"
+) -> str:
+    """A conclusion with the numbers of the run; where the run has another verdict, that verdict and its reason."""
+    for row in ledger[ledger["id"] == claim].to_dict("records"):
+        if row["verdict"] == conclusions[claim]["verdict"]:
+            return conclusions[claim][part].format(**row, size=abs(row["ours"])).strip()
+        return f"**{row['statement']}: {row['verdict']} in this run.** {row['reason']}"
+    return ""
+
+
+def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
+    """The sentences that open the article and the index, of what the run has results of."""
+    ledger = ledger[ledger["ours"].notna()]
+    claims = [claim for claim, conclusion in conclusions.items() if "sentence" in conclusion]
+    return [text for claim in claims if (text := conclude(ledger, conclusions, claim, "sentence"))]
+
+
+def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Table 1 as the paper prints it, "paper → ours ± half a 95 % interval", and the verdict of each cell."""
+    rows = ledger[ledger["id"].str.startswith("table1/")]
+    ours = format_pairs(rows["ours"], rows["uncertainty"], "{:.2f} ± {:.2f}")
+    cells = rows["paper"].map("{:g} → ".format) + ours
+    torques = rows["torque"] + " [% VAF]"
+    table = rows.assign(torque=torques, cell=cells).pivot_table(
+        "cell", "method", "torque", aggfunc="first", sort=False
+    )
+    verdicts = dict(zip(cells, rows["verdict"], strict=True))
+    return table.rename_axis(columns=None).reset_index(), verdicts

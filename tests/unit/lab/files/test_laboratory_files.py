@@ -1,0 +1,226 @@
+"""Files as laboratories have them give the numbers that the same signals give in N·m, rad and s."""
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from ankleloop import check_trial, read_trial
+from ankleloop_lab.files.units import TORQUE_UNITS
+
+RATE = 500.0
+T = np.arange(300) / RATE
+P = 0.02 * np.sin(2 * np.pi * 3 * T)
+TQ = 3.0 * np.cos(2 * np.pi * 3 * T)
+COLUMNS = {"time_s": T, "angle_rad": P, "torque_nm": TQ}
+UNITS = ",rad,N.m\n"
+
+
+def table(columns=COLUMNS, **options):
+    return pd.DataFrame(columns).to_csv(index=False, float_format="%.9f", **options)
+
+
+def write(folder, text, name="a.csv", encoding="utf-8"):
+    (folder / name).write_bytes(text.encode(encoding))
+    return folder / name
+
+
+def assert_signals(trial, rate=RATE, **tolerances):
+    np.testing.assert_allclose(trial.position, P, **{"atol": 1e-9, **tolerances})
+    np.testing.assert_allclose(trial.torque, TQ, **{"atol": 1e-9, **tolerances})
+    assert trial.attrs["sampling_rate"] == pytest.approx(rate, rel=1e-6)
+
+
+# --- tables of text
+
+NUMBERS = table(header=False)
+LAYOUTS = {
+    "semicolons.csv": table(sep=";"),
+    "semicolons and commas.csv": table(sep=";", decimal=","),
+    "tabs.tsv": table(sep="\t"),
+    "tabs and commas.txt": table(sep="\t", decimal=","),
+    "quotes.csv": table(quoting=1),
+    "blanks.csv": table().replace(",", ", "),
+    "comments.csv": "# device: X\n% rate, 1000 Hz\n\n" + table(),
+    "a header of numpy.txt": "# " + table(),
+    "title.csv": "Subject 7; left\n" + table(sep=";", decimal=","),
+    "spreadsheet.csv": "Subject,7,\nRate,500,\nDate,,\n" + table(),
+    "two rows of names.csv": "Clock,Dyno,Dyno\n" + table(),
+    "a row of units.csv": "time,angle,torque\ns,rad,Nm\n" + NUMBERS,
+    "device.csv": "Devices\n500\n,Dyno - Angle,Dyno - Torque\nTime,Angle,Torque\n"
+    + UNITS
+    + NUMBERS,
+    "text beside.csv": table(
+        {**COLUMNS, "note": ["rest, 1.5"] * 299 + ["end"], "n": np.arange(300)}
+    ),
+    "an empty cell.csv": table({"emg": [np.nan, *T[1:]], **COLUMNS}),
+}
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_layouts(tmp_path, name):
+    assert_signals(read_trial(write(tmp_path, LAYOUTS[name], name)))
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
+@pytest.mark.parametrize("separator", ["\t", ";"])
+def test_encodings(tmp_path, encoding, separator):
+    path = write(tmp_path, table(sep=separator, decimal=","), encoding=encoding)
+    assert_signals(read_trial(path))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
+def test_units_below_the_names_count(tmp_path, encoding):
+    degrees = {"t": 1000 * T, "angle": np.degrees(P), "torque": TQ / 10}
+    text = table(degrees).replace("\n", "\nms,°,kgf·m\n", 1)
+    trial = read_trial(write(tmp_path, text, encoding=encoding), torque_unit="kgf.m")
+    np.testing.assert_allclose(trial.torque, 0.980665 * TQ, atol=1e-6)
+    np.testing.assert_allclose(trial.position, P, atol=1e-9)
+    assert trial.attrs["position_unit_of_file"] == "deg"
+
+
+# --- units
+
+
+@pytest.mark.parametrize(
+    "name", ["Torque (N.m)", "Torque N.m", "tq_Nm", "MomentNm", "torque [Newton-metres]"]
+)
+def test_names_of_a_torque_in_newton_metres(tmp_path, name):
+    columns = {"time_s": T, "position": P, name: TQ}
+    assert_signals(read_trial(write(tmp_path, table(columns))))
+
+
+@pytest.mark.parametrize(
+    ("spelling", "unit"),
+    [
+        ("ft·lb", "lbf·ft"),
+        ("lbf-ft", "lbf·ft"),
+        ("in.lb", "lbf·in"),
+        ("mNm", "mN·m"),
+        ("N cm", "N·cm"),
+        ("N.mm", "mN·m"),
+        ("kgf*m", "kgf·m"),
+        ("Nm", "N·m"),
+        (20, 20.0),
+    ],
+)
+def test_torques_in_other_units(tmp_path, spelling, unit):
+    factor = TORQUE_UNITS.get(unit, unit)
+    path = write(tmp_path, table({"time_s": T, "position": P, "torque": TQ / factor}))
+    trial = read_trial(path, torque_unit=spelling, torque_sign=-1)
+    np.testing.assert_allclose(trial.torque, -TQ, atol=1e-7)
+    assert trial.attrs["torque_unit_of_file"] == unit
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "size"),
+    [
+        ("position_turns", "turns", 2 * np.pi),
+        ("angle [mrad]", "mrad", 1e-3),
+        ("pos_counts", 0.001, 0.001),
+        ("angle (knee)", "rad", 1.0),
+    ],
+)
+def test_positions_in_other_units(tmp_path, name, unit, size):
+    columns = {"time_s": T, name: P / size, "torque": TQ, "command": 2 * P / size}
+    trial = read_trial(write(tmp_path, table(columns)), position_unit=unit)
+    np.testing.assert_allclose(trial.position, P, atol=1e-8)
+    np.testing.assert_allclose(trial.reference, 2 * P, atol=1e-8)
+
+
+# --- scales
+
+
+@pytest.mark.parametrize(
+    ("attributes", "stored"),
+    [
+        ({"conversion": 20.0, "unit": "N·m"}, TQ / 20),
+        ({"conversion": 2.0, "offset": 1.0, "unit": "newton meters"}, (TQ - 1) / 2),
+        ({"scale_factor": 0.5, "add_offset": -1.0}, 2 * (TQ + 1)),
+        ({"gain": 1.0, "offset": 0.0, "units": "Nm"}, TQ),
+    ],
+)
+def test_scales_that_a_convention_fixes(tmp_path, attributes, stored):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.update({"position": P, "torque": stored, "fs": RATE})
+        file["torque"].attrs.update(attributes)
+    assert_signals(read_trial(tmp_path / "a.h5"))
+
+
+def test_scales_that_the_caller_states(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.update({"position": P, "torque": TQ / 20, "fs": RATE})
+        file["torque"].attrs["gain"] = 20.0
+    assert_signals(read_trial(tmp_path / "a.h5", torque_unit=20.0))
+
+
+def test_a_channel_in_a_struct_of_its_own(tmp_path):
+    channels = {
+        "Angle": {"values": np.degrees(P), "units": "deg", "offset": 0.0},
+        "Torque": {"values": TQ, "units": "Nm"},
+        "Command": {"values": np.degrees(P), "units": "deg"},
+    }
+    scipy.io.savemat(tmp_path / "a.mat", {**channels, "fs": RATE})
+    trial = read_trial(tmp_path / "a.mat")
+    assert_signals(trial)
+    np.testing.assert_allclose(trial.reference, P)
+
+
+def test_a_channel_in_a_group_of_its_own(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, values in {"ankle_angle": P, "torque": TQ}.items():
+            file.update({f"{name}/data": values, f"{name}/timestamps": 8.0 + T})
+    assert_signals(read_trial(tmp_path / "a.h5"))
+
+
+# --- times
+
+
+def clock(start, form):
+    return pd.date_range(start, periods=300, freq="2ms").strftime(form)
+
+
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [
+        ("Time (s)", T),
+        ("time [ms]", 1e3 * T),
+        ("TIME", T),
+        ("timestamps", T + 1e6),
+        ("Zeit", T),
+        ("Elapsed_ms", 1e3 * T),
+        ("X [s]", T),
+        ("seconds", T),
+        ("time", clock("2026-01-01 10:00", "%H:%M:%S.%f")),
+        ("Time", clock("2026-01-01 10:05:59.9", "%M:%S.%f")),
+        ("date and time", clock("2026-01-01 10:00", "%H:%M:%S.%f")),
+        ("time_ms", clock("2026-01-31 23:59:59.9", "%Y-%m-%d %H:%M:%S.%f")),
+        ("timestamp", clock("2026-01-01 10:00", "%d/%m/%Y %I:%M:%S.%f %p")),
+    ],
+)
+def test_times(tmp_path, name, times):
+    path = write(tmp_path, table({name: times, "angle": P, "torque": TQ}))
+    options = {"time": name} if name == "date and time" else {}
+    assert_signals(read_trial(path, **options))
+
+
+def test_a_clock_with_decimal_commas(tmp_path):
+    times = clock("2026-01-01 10:00", "%H:%M:%S,%f")
+    text = table({"Uhr": times, "angle": P, "torque": TQ}, sep=";", decimal=",")
+    assert_signals(read_trial(write(tmp_path, text), time="Uhr"))
+
+
+@pytest.mark.parametrize("left_out", [None, "none"])
+def test_times_that_are_left_out_say_nothing_about_gaps(tmp_path, left_out):
+    late = T + 0.5 * (T > 0.3)
+    path = write(tmp_path, table({"Time (s)": late, "position": P, "torque": TQ}))
+    trial = read_trial(path, time=left_out, sampling_rate=RATE)
+    assert_signals(trial)
+    assert trial.attrs["gaps"] == "unknown"
+    assert "without gaps" not in str(check_trial(trial))
+
+
+@pytest.mark.parametrize("cells", [[500] * 300, ["500"] + [""] * 299])
+def test_a_rate_in_a_column(tmp_path, cells):
+    assert_signals(read_trial(write(tmp_path, table({"fs": cells, "position": P, "torque": TQ}))))
