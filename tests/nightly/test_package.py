@@ -26,7 +26,8 @@ import importlib, pkgutil, sys
 for name in sys.argv[1:]:
     package = importlib.import_module(name)
     for module in pkgutil.walk_packages(package.__path__, f"{name}."):
-        importlib.import_module(module.name)
+        if not module.name.endswith(("c3d_files", "tdms_files")):  # of the extra `formats`
+            importlib.import_module(module.name)
 print(package.__file__)
 """
 FIND = "import importlib.util, sys; print([name for name in sys.argv[1:] if importlib.util.find_spec(name)])"
@@ -157,11 +158,8 @@ import ankleloop
 assert ankleloop.__version__
 trial = ankleloop.simulate(seed=1, duration=20.0)
 for method in ankleloop.METHODS:
-    options = {"basis": "rectifier"} if method == "moesp" else {}
-    source = trial if method != "riv-tv" else ankleloop.simulate(seed=1, duration=20.0, variation=0.2)
-    options = {"cycle_onsets": [0.0, 5.0, 10.0, 15.0]} if method == "riv-tv" else {}
-    estimate = ankleloop.identify(source, method, **options)
-    assert method in str(estimate)
+    options = {"cycle_onsets": list(range(0, 20, 2))} if method == "riv-tv" else {}
+    assert method in str(ankleloop.identify(trial, method, **options))
 estimate = ankleloop.identify(trial)
 estimate.plot(trial).savefig("estimate.png")
 ankleloop.check_trial(trial)

@@ -215,7 +215,7 @@ def parameter_row(trial: Trials, estimate: Estimate) -> dict[str, Any]:
     if diagnostics.get("variation_p"):
         row["variation_p"] = diagnostics["variation_p"]["all"]
     row |= score_trajectories(prepared, estimate)
-    row["warnings"] = " ".join(diagnostics.get("warnings", ()))
+    row["warnings"] = " ".join(estimate.warnings)
     return row
 
 

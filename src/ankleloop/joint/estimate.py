@@ -58,11 +58,7 @@ class Estimate:
     intervals : dict
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
-        Details of the identification: singular values, order, poles, ranks, passes. "warnings" say what was seen to be
-        wrong; those about the data (see `ankleloop.checks.data.check_data`) are in "data_warnings" as well.
-        "assumptions" say what was taken for granted, "missing" which parameters could not be had, and why, and
-        "incomplete" how much of what is left of the torque depends on the movement. "holds" is there where torque that
-        is fed back biases the method.
+        Details of the identification: see the notes. Any may be missing; those that have a property are read by it.
     predictor : ankleloop.joint.models.Model or None
         The model as data: all that `predict` needs, among it the basis, the delay and the rate of its inputs. None
         where the method has no fixed model.
@@ -70,6 +66,33 @@ class Estimate:
         K, B and G over "phase" (0 … 1), "time" [s] or "schedule", with the ends of their 95 % bands "K_low", "K_high",
         …, where the method estimates parameters that change in time; nan where the record does not show them.
         `stiffness` and `reflex` then hold their means.
+
+    Notes
+    -----
+    Keys of `diagnostics` that other parts of the library read:
+
+    ====================================  ==============================================================================
+    key                                   what it holds
+    ====================================  ==============================================================================
+    warnings                              what was seen to be wrong, sentences: `warnings`
+    data_warnings                         those of them that are about the data (`ankleloop.checks.data.check_data`)
+    remedy                                options of reading that would help, by name
+    assumptions, missing, incomplete      what was taken for granted; which parameters could not be had, and why; how
+                                          much of what is left of the torque depends on the movement
+    holds                                 where a method holds that torque which is fed back biases: `holds`
+    covariance, freedom, standard_errors  of the parameters: `covariance`, `freedom`, `standard_errors`
+    intervals                             how the intervals were made, or None
+    alternatives                          effects that the model lacks, with their `shifts`: `alternatives`
+    variation_p                           probability of a variation as large, by parameter and of "all"
+    options, selection                    options that are no defaults; the choice by candidates, "chosen" and its curve
+    reference                             variable of which instruments were made
+    nonlinearity                          "velocity" [rad/s] and "torque" [N·m] of the curve before the dynamics
+    noise_frequency, noise_spectrum       of what is left [Hz, (N·m)²/Hz]
+    singular_values, order, poles         of a subspace method
+    instrument_rows                       rows of its instruments
+    excitation                            information about a trajectory over its mean
+    converged                             whether a search ended
+    ====================================  ==============================================================================
 
     Examples
     --------
@@ -118,7 +141,7 @@ class Estimate:
     def fit_warnings(self) -> list[str]:
         """Warnings about this fit, without those about the data, which concern every other fit to them alike."""
         about_data = self.diagnostics.get("data_warnings", ())
-        return [text for text in self.diagnostics.get("warnings", ()) if text not in about_data]
+        return [text for text in self.warnings if text not in about_data]
 
     def predict(
         self,
@@ -161,8 +184,33 @@ class Estimate:
         torque = add_measured(merge_torques(torques), trials)
         warnings = [text for part in trials for text in self.predictor.check_range(part)]
         diagnostics = dict(self.diagnostics)
-        diagnostics["warnings"] = [*self.diagnostics.get("warnings", ()), *dict.fromkeys(warnings)]
+        diagnostics["warnings"] = [*self.warnings, *dict.fromkeys(warnings)]
         return replace(self, torque=torque, diagnostics=diagnostics)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What was seen to be wrong, of the data and of the fit."""
+        return list(self.diagnostics.get("warnings", ()))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard errors of the parameters by name; empty where the method gives none."""
+        return dict(self.diagnostics.get("standard_errors", {}))
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the intervals; infinite where they are normal."""
+        return float(self.diagnostics.get("freedom", np.inf))
+
+    @property
+    def alternatives(self) -> list[dict[str, Any]]:
+        """Effects that the record shows and the model lacks, the likeliest first, with how far they move parameters."""
+        return list(self.diagnostics.get("alternatives", ()))
+
+    @property
+    def holds(self) -> str:
+        """Where the parameters hold, "in open loop" for a method that torque that is fed back biases; else empty."""
+        return str(self.diagnostics.get("holds", ""))
 
     @property
     def covariance(self) -> pd.DataFrame:
@@ -205,10 +253,9 @@ class Estimate:
         """
         level = check_number("interval", "level", level, gt=0, lt=1)
         values = {**self.stiffness, **self.reflex}
-        freedom = self.diagnostics.get("freedom", np.inf)
-        uncertainty = Uncertainty(self.diagnostics.get("covariance", {}), freedom)
+        uncertainty = Uncertainty(self.diagnostics.get("covariance", {}), self.freedom)
         intervals = uncertainty.intervals(values, level)
-        for effect in self.diagnostics.get("alternatives", [])[:1]:
+        for effect in self.alternatives[:1]:
             intervals |= extend_intervals(intervals, values, effect["shifts"])
         return intervals
 
@@ -250,8 +297,8 @@ class Estimate:
                 rows[quantity.symbol] = (values[name], *interval, quantity.unit)
         columns = ["value", "low", "high", "unit"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-        if "holds" in self.diagnostics:
-            table["holds"] = self.diagnostics["holds"]
+        if self.holds:
+            table["holds"] = self.holds
         return table.rename_axis("parameter")
 
     def plot(

@@ -76,7 +76,7 @@ def save_estimate(estimate: Estimate, path: PathLike, *, overwrite: bool = False
         "format": FORMAT,
         "format_version": VERSION,
         "method": estimate.method,
-        "warnings": " ".join(estimate.diagnostics.get("warnings", ())),
+        "warnings": " ".join(estimate.warnings),
     }
     groups = {"": xr.Dataset(attrs=attributes), "torque": estimate.torque}
     for name in PARAMETER_GROUPS:

@@ -35,7 +35,7 @@ COORDINATES = {
     "schedule": ("", "scheduling variable"),
 }
 SCHEDULE_TEXTS = ("variable", "variable_unit")
-TRAJECTORIES = ("K", "B", "G", "I")  # I where it varies
+CURVES = ("K", "B", "G", "I")  # I where it varies
 # Names of a trajectory and of the ends of its band, by what follows the symbol of the parameter.
 ENDS = {
     "": "{}",
@@ -362,7 +362,7 @@ def trajectory_dataset(
     Shapes: coordinate (places,), values (places,).
     """
     variables = {}
-    for name in TRAJECTORIES:
+    for name in CURVES:
         if name not in values:
             continue
         quantity = QUANTITIES[name]

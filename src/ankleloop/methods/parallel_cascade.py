@@ -25,7 +25,9 @@ from ankleloop.signals.responses import lag_matrix
 from ankleloop.subspace.input_matrices import update_factor
 
 PASS_CEILING = 10_000  # beyond any loop that converges at all
-SIGNIFICANT = 1e-6  # of the largest singular value of the lagged inputs: smaller ones count as zero
+RANK_TOLERANCE = (
+    1e-6  # of the largest singular value of the lagged inputs: smaller ones count as zero
+)
 
 
 class ParallelCascadeOptions(KnownDelayOptions, RectifierOptions):
@@ -120,7 +122,7 @@ def identify_parallel_cascade(trial: PreparedTrial, options: ParallelCascadeOpti
     *lagged, target = _compress(trial, regressors, leads, longest)
     torques, history, converged = _alternate(lagged, target[:, 0], options)
     pairs = zip(lagged, torques, strict=True)
-    intrinsic, reflex = (np.linalg.lstsq(*pair, rcond=SIGNIFICANT)[0] for pair in pairs)
+    intrinsic, reflex = (np.linalg.lstsq(*pair, rcond=RANK_TOLERANCE)[0] for pair in pairs)
     model = ResponseModel(ModelInputs.of(regressors), intrinsic, reflex)
     torque = model.simulate(trial, regressors)
     spectra = DriveSpectra.of(regressors.inputs[rows, -1:], rate)
@@ -149,7 +151,7 @@ def _alternate(
     lagged: Sequence[np.ndarray], target: np.ndarray, options: ParallelCascadeOptions
 ) -> tuple[list[np.ndarray], list[float], bool]:
     """Torques of both paths by alternating least squares; the history holds the net VAF after each pass."""
-    intrinsic_directions, reflex_directions = (linalg.orth(part, SIGNIFICANT) for part in lagged)
+    intrinsic_directions, reflex_directions = (linalg.orth(part, RANK_TOLERANCE) for part in lagged)
     reflex = np.zeros_like(target)
     history: list[float] = []
     for _ in range(options.max_passes or PASS_CEILING):

@@ -18,7 +18,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, Trials, prepare_trials
 from ankleloop.joint.regressors import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.regressors import TORQUES, split_torques
-from ankleloop.joint.time_varying_course import TRAJECTORIES
+from ankleloop.joint.time_varying_course import CURVES
 from ankleloop.plotting.panels import PANEL_COLUMNS, Panel, Styles, curve, draw_panels, finish
 from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, estimate_styles
 from ankleloop.quantities import QUANTITIES
@@ -245,7 +245,7 @@ def trajectories_figure(
     first = next(iter(curves.values()))
     attributes = first[dimension].attrs
     xlabel = label_abscissa(attributes["units"], attributes["long_name"])
-    names = [name for name in TRAJECTORIES if any(name in part for part in curves.values())]
+    names = [name for name in CURVES if any(name in part for part in curves.values())]
     panels = {name: Panel(QUANTITIES[name].label, xlabel=xlabel) for name in names}
     panels |= {f"excitation of {name}": Panel("excitation [1]", xlabel=xlabel) for name in names}
     parts = []

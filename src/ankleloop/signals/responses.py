@@ -33,7 +33,7 @@ RESPONSE_LAGS = 0.80  # s
 ROWS_PER_TAP = 4  # at least
 UNEXCITED = 1e-6  # of the largest eigenvalue of the source's covariance: beyond the pass band there is nothing
 SOURCE_RIDGE = 1e-3  # of the power of the source: it settles what lies beyond the pass band
-NOISE_RESOLUTION = 0.8  # Hz: width over which the noise spectrum is smoothed
+RESPONSE_NOISE_RESOLUTION = 0.8  # Hz: width over which the noise spectrum is smoothed
 NOISE_FLOOR = 1e-12  # of the largest noise in the pass band
 
 
@@ -143,6 +143,8 @@ def fit_finite_response(
 
     The normal equations are made of correlations, so the length of a record hardly counts. They are solved twice: the
     second time every frequency is weighted by the inverse spectrum of the residual of the first solution.
+    `predict_from_reference` fits over samples instead: for several channels at once, without weights, and without what
+    correlations add at the ends of a record; its taps are others, by more than rounding.
 
     Shapes: signals, sources (N,), of each record; returns (leads + lags + 1,).
     """
@@ -163,7 +165,7 @@ def fit_finite_response(
     )
     residuals = signal_spectra - rfft(taps) * source_spectra
     power = np.sum(np.abs(residuals) ** 2, axis=0)
-    noise = smooth(power, NOISE_RESOLUTION * size / rate)
+    noise = smooth(power, RESPONSE_NOISE_RESOLUTION * size / rate)
     floor = NOISE_FLOOR * noise[passband].max()
     weights = np.where(passband, 1.0 / np.maximum(noise, floor), 0.0)
     return _solve_correlations(source_spectra, signal_spectra, weights, shifts)

@@ -159,7 +159,7 @@ def _expect(
     if isinstance(joint, Estimate):
         warn_of_pilot("plan_duration", joint)
         used = joint.torque.sizes["time"] / joint.torque.attrs["identification_rate"]
-        errors = joint.diagnostics.get("standard_errors", {})
+        errors = joint.standard_errors
         return {**joint.stiffness, **joint.reflex}, errors, used
     if isinstance(joint, PerturbationDesign):
         settings = joint.experiment.settings

@@ -61,7 +61,7 @@ def describe_joint(
 
 def warn_of_pilot(owner: str, pilot: Estimate) -> None:
     """Warn of what an estimate warns of: a plan is as good as its pilot."""
-    texts = pilot.diagnostics.get("warnings")
+    texts = pilot.warnings
     if texts:
         advice = "the pilot has warnings; correct or repeat it first."
         warnings.warn(f"{owner}: {advice} {' '.join(texts)}", UserWarning, stacklevel=4)

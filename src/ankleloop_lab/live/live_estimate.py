@@ -269,7 +269,7 @@ class LiveEstimate(ExitStack):
             row |= list_parameters(estimate)
             row["latency"] = seconds - float(estimate.torque["time"].mean())
             warnings += check_window(samples, self._rate)
-            warnings += estimate.diagnostics["warnings"]
+            warnings += estimate.warnings
             self.estimate = estimate
         row["warnings"] = " ".join(warnings)
         self._rows.append(row)

@@ -308,7 +308,7 @@ def _describe_estimate(
         "trusted": not warnings,
         "caution": " ".join(filter(None, [caution, *about_data])),
         # A test whether the joint changes takes what the model or an instrument leaves out for a change.
-        "incomplete": bool(test.related or about_data or diagnostics.get("alternatives")),
+        "incomplete": bool(test.related or about_data or estimate.alternatives),
     }
 
 
@@ -330,7 +330,7 @@ def _list_assumptions(
             texts.append(f"{change} move {format_shifts(shifts)}.")
         except DataError as error:
             texts.append(f"what {change} do cannot be told: {error}")
-    for alternative in diagnostics.get("alternatives", ()):
+    for alternative in estimate.alternatives:
         moved = format_shifts(alternative["shifts"])
         texts.append(f"with {alternative['effect']} in the model it would move {moved}.")
     return " ".join(text[0].upper() + text[1:] for text in texts)

@@ -351,7 +351,7 @@ def has_stretch_delay(point: Point) -> bool:
 
 
 def _free_unknown(unknown: str, start: Parameters, solution: Search) -> list[Alternative]:
-    """The solution with a delay or a third pole as a further unknown, the last one, where the record shows it."""
+    """The solution with a delay or a third pole as a further unknown, where the record shows it."""
     freed = solve(solution.equations, start)
     point = freed.point
     # The error of the logarithm of a pole is the relative one of its time constant.
@@ -362,6 +362,6 @@ def _free_unknown(unknown: str, start: Parameters, solution: Search) -> list[Alt
         shown = has_stretch_delay(point)
     if not (freed.converged and shown):
         return []
-    score = size / float(np.sqrt(freed.covariance[-1, -1]))
+    score = size / freed.error(unknown)
     shifts = compute_shifts(solution.values, point.values)
     return [Alternative(unknown, point.values[unknown], score, shifts)]

@@ -1,4 +1,9 @@
-"""The equations of refined instrumental variables, between spectra of measured and of predicted inputs."""
+"""The equations of refined instrumental variables, between spectra of measured and of predicted inputs.
+
+`Parameters` are numbers alone. `Equations` hold the spectra of the trials. A `Point` is both together: left side, slope
+and covariance at some parameters, for which it calls `Equations.differentiate` and `Equations.smooth_power`. The search
+(`riv.search.solve`) makes the points.
+"""
 
 from __future__ import annotations
 

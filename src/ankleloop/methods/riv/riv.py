@@ -155,7 +155,7 @@ def _shows_delay(solution: Search) -> bool:
     point = solution.point
     if not solution.converged or not has_stretch_delay(point) or point.values["G"] < 0.0:
         return False
-    return bool(solution.covariance[-1, -1] < CERTAIN_DELAY**2)
+    return solution.error("delay") < CERTAIN_DELAY
 
 
 def _prefer_passive(solution: Search) -> Search:

@@ -1,4 +1,8 @@
-"""Search for the solution of the equations of refined instrumental variables, by steps that never go back."""
+"""Search for the solution of the equations of refined instrumental variables, by steps that never go back.
+
+Begin at `solve`. A `Search` makes a `Point` of `Equations` at some parameters, takes from it the left side and its
+slope, steps to other parameters, and makes the next one; `Equations` and `Point` know nothing of a search.
+"""
 
 from __future__ import annotations
 
@@ -91,6 +95,12 @@ class Search:
     def rows(self) -> dict[str, np.ndarray]:
         """Slopes of the parameters by the unknowns that are free at the result, shapes (free,)."""
         return parameter_rows(self.point, self.covariance, self.free)
+
+    def error(self, unknown: str) -> float:
+        """Standard error of an unknown behind the linear ones, free at the result, where the model is complete."""
+        names = np.array(self.point.names)[self.free].tolist()
+        place = names.index(unknown)
+        return float(np.sqrt(self.covariance[place, place]))
 
     def accept(self, point: Point) -> None:
         """Add a point."""

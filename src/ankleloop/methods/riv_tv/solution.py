@@ -15,7 +15,7 @@ from ankleloop.methods.riv.equations import Parameters
 from ankleloop.methods.riv.start import fit_grid
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
 from ankleloop.methods.riv_tv.smoothing import choose_penalties
-from ankleloop.methods.riv_tv.whitening import POWER_FLOOR
+from ankleloop.methods.riv_tv.whitening import WEIGHT_FLOOR
 from ankleloop.quantities import STIFFNESS
 from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 from ankleloop.signals.spectra import smooth
@@ -239,7 +239,11 @@ def solve_time_varying(
 
 
 def _find_start(equations: TimeVaryingEquations) -> Parameters:
-    """Parameters to begin with: constant linear ones, by the predicted inputs, and the best dynamics of a grid."""
+    """Parameters to begin with: constant linear ones, by the predicted inputs, and the best dynamics of a grid.
+
+    As `riv.equations.Equations.find_start`, but for the padded transform, whose band is another, and without a grid of
+    delays: a step of the delay here makes new inputs.
+    """
     options = equations.options
     noise = equations.noise
     inputs = equations.predicted
@@ -255,7 +259,7 @@ def _find_start(equations: TimeVaryingEquations) -> Parameters:
     for _ in range(2):
         constants, best, residual = fit_grid(spectra, torque, responses, no_delays, power)
         power = smooth(np.abs(residual) ** 2, width)
-        power = np.maximum(power, POWER_FLOOR * power.max())
+        power = np.maximum(power, WEIGHT_FLOOR * power.max())
     delays = {"delay": options.delay, "torque_lag": options.torque_lag}
     return Parameters(
         linear=np.repeat(constants, [splines.size for splines in equations.bases.splines.values()]),

@@ -1,4 +1,8 @@
-"""From spectra to whitened signals: the transform, the weights, and the noise that they are made of."""
+"""From spectra to whitened signals: the transform, the weights, and the noise that they are made of.
+
+`riv` weighs frequencies of a band (`riv.equations.Point`), because its equations stand between spectra. Here they stand
+between samples, each with parameters of its own: the weights are a filter, and a level that changes with time.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +13,15 @@ from scipy import linalg
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ankleloop.joint.time_varying_course import Course, Splines
+from ankleloop.methods.riv.equations import NOISE_RESOLUTION
 from ankleloop.signals.spectra import pass_bands
 
 PADDING = 1.0  # s of zeros behind a record, in which responses end
-NOISE_RESOLUTION = 0.4  # Hz over which the spectrum of the noise is smoothed
 FEWEST_BINS = 20  # frequencies over which it is, in a short record
 LEVEL_SPLINES = 8  # of the level of the noise
 DEPENDENT_SPLINES = 1e-6  # of the largest singular value
 LOWEST_LEVEL = 0.05  # of the mean level of the noise
-POWER_FLOOR = 1e-10  # of the largest power of the noise
+WEIGHT_FLOOR = 1e-10  # of the largest power of the noise
 
 
 class PaddedTransform:
@@ -91,7 +95,7 @@ class NoiseModel:
         """Smoothed spectrum of the noise over the band of the longest record [(N·m)²]; of white noise its variance."""
         periodogram = np.abs(self.band.transform(noise)) ** 2
         power = 0.5 * self.transform.rate * self.band.average(periodogram, self.resolution)
-        return np.maximum(power, POWER_FLOOR * power.max())
+        return np.maximum(power, WEIGHT_FLOOR * power.max())
 
     def whiten(self, noise: np.ndarray) -> Weighting:
         """Weights that make noise white: the inverse of its spectrum, and of its level as a function of the place.
