@@ -36,7 +36,7 @@ def test_first_sweep(repository, snakemake):
     )
     table = pd.read_csv(repository / "results" / "tables" / "restless-trials.csv")
     assert len(table) == 5 * 2 * 3 * 2
-    stiffness = table.groupby(["method", "voluntary"])["K"].mean().unstack(0)
+    stiffness = table.groupby(["method", "point.voluntary"])["K"].mean().unstack(0)
     assert (
         stiffness["riv"] - 150
     ).abs().max() < 40  # the page says that it stays near the truth, and the other falls
@@ -59,6 +59,6 @@ def test_add_a_method(repository, snakemake, tmp_path):
     paths = os.pathsep.join([str(repository / "src"), str(installed)])
     snakemake(repository, "--configfile", "config/mine.yaml", PYTHONPATH=paths)
     table = pd.read_csv(repository / "results" / "tables" / "simple-trials.csv")
-    stiffness = table[table["method"] == "stiffness"].groupby("reflex_gain")["K"].mean()
+    stiffness = table[table["method"] == "stiffness"].groupby("point.reflex_gain")["K"].mean()
     assert table["failure"].isna().all()
     assert stiffness.iloc[-1] > stiffness.iloc[0]  # it takes the torque of the reflex for stiffness

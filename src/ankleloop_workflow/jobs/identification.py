@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from contextlib import nullcontext
+from functools import cache
 from itertools import product
 from typing import Any, Literal
 
@@ -93,6 +94,12 @@ def identify_trials(
     return table
 
 
+@cache
+def _score_columns(torque: str, target: str) -> list[str]:
+    """Columns of a VAF and of the ends of its interval; the rows of all trials share their names."""
+    return [f"vaf_{torque}_{target}{end}" for end in ("", *ENDS)]
+
+
 def _identify(
     trial: PreparedTrial | str, method: str, options: Mapping[str, Any], against: Any
 ) -> Result:
@@ -103,8 +110,7 @@ def _identify(
     try:
         estimate = identify(trial, method, **options)
         for torque, target, *values in score_torques([trial], estimate, against):
-            names = [f"vaf_{torque}_{target}{end}" for end in ("", *ENDS)]
-            row |= zip(names, values, strict=True)
+            row |= zip(_score_columns(torque, target), values, strict=True)
         return estimate, row | parameter_row(trial, estimate)
     except NUMERICAL_ERRORS as error:
         return None, {"failure": describe_error(error)}

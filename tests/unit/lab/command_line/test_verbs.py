@@ -406,6 +406,14 @@ def test_progress_of_another_process(capfd):
     assert not log.handlers
 
 
+def test_what_packages_log_is_not_shown(capfd):
+    """It is for the files of the workflow; a logger without a handler would write to the terminal."""
+    assert main(["--version"]) == 0
+    for package in ("ankleloop", "ankleloop_lab", "ankleloop_workflow"):
+        logging.getLogger(f"{package}.module").warning("for the log of a job")
+    assert "for the log" not in capfd.readouterr().err
+
+
 def test_a_joint_that_changes(run, tmp_path):
     """The phase of the cycle is a further variable of the file; riv-tv is fitted, and written into a study."""
     save_trial(
