@@ -23,7 +23,7 @@ from ankleloop.methods.registry import METHODS
 from ankleloop.trials.files import write_csv
 from ankleloop_lab.command_line import analysis
 from ankleloop_lab.command_line.analysis import identify_recordings, plan_analysis
-from ankleloop_lab.command_line.main import MISTAKE
+from ankleloop_lab.command_line.main import MISTAKE, main
 from ankleloop_lab.command_line.reading import map_file
 from ankleloop_lab.command_line.terminal import show_progress
 from ankleloop_lab.files.recording_files import write_recording
