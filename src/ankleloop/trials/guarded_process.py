@@ -40,9 +40,10 @@ STARTING = 60.0  # s, until the process has started
 # its time; they are numbers, as Windows has no such signals.
 ENDED, PROFILED = (1, -9), -27
 
-Arrays = list[tuple[dict[str, Any], np.ndarray]]  # each with what is said of it
-# Imports what it needs, which has no limits, and gives arrays of an open file one after the other, which has.
-Task = Callable[..., Iterable[tuple[dict[str, Any], np.ndarray]]]
+Arrays = Iterable[tuple[dict[str, Any], np.ndarray]]  # each with what is said of it
+# Imports what it needs, without limits, and returns a generator that reads, within them: its arguments are a path, and
+# what was asked beside it.
+Task = Callable[..., Arrays]
 
 
 class GuardedProcess:
@@ -125,7 +126,7 @@ def _exchange(process: subprocess.Popen[bytes], request: dict[str, Any], name: s
     watch = threading.Timer(STARTING + PATIENCE * request["seconds"], process.kill)
     watch.daemon = True
     watch.start()
-    arrays = []
+    arrays: list[tuple[dict[str, Any], np.ndarray]] = []
     try:
         _send(process.stdin, request)
         while "size" in (answer := _receive(process.stdout)):

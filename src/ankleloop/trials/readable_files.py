@@ -9,7 +9,7 @@ from typing import Any
 
 from ankleloop.errors import DataError, ResourceError
 from ankleloop.trials.files import PathLike, check_readable, describe_cause, has_checksum
-from ankleloop.trials.guarded_process import GuardedProcess, serve
+from ankleloop.trials.guarded_process import Arrays, GuardedProcess, serve
 
 
 @contextmanager
@@ -21,7 +21,7 @@ def readable_file(path: PathLike, kind: str, advice: str) -> Iterator[Path]:
     path = check_readable(path)
     with name_errors(path, kind, advice):
         if not has_checksum(path):
-            process.ask(path, "try")
+            process.ask(path, "matlab" if path.suffix == ".mat" else "hdf5")
         yield path
 
 
@@ -41,23 +41,27 @@ def name_errors(path: PathLike, kind: str, advice: str) -> Iterator[None]:
 # --- What runs in the other process
 
 
-def _try(path: Path) -> Iterator[tuple[dict[str, Any], Any]]:
-    """Read everything, and give nothing."""
-    if path.suffix == ".mat":
-        import scipy.io as library
-    else:
-        import h5py as library
-    return _read_all(path, library)
+def _try_matlab(path: Path) -> Arrays:
+    """Read all of a MATLAB file, and give nothing."""
+    from scipy.io import loadmat
+
+    def read() -> Arrays:
+        loadmat(path, simplify_cells=True)
+        yield from ()
+
+    return read()
 
 
-def _read_all(path: Path, library: Any) -> Iterator[tuple[dict[str, Any], Any]]:
-    """Read a file of MATLAB, or one of HDF5, to which NetCDF-4 belongs."""
-    if path.suffix == ".mat":
-        library.loadmat(path, simplify_cells=True)
-        return
-    with library.File(path) as file:
-        file.visititems(lambda name, node: _read_node(path, name, node))
-    yield from ()
+def _try_hdf5(path: Path) -> Arrays:
+    """Read all of an HDF5 file, to which NetCDF-4 belongs, and give nothing."""
+    import h5py
+
+    def read() -> Arrays:
+        with h5py.File(path) as file:
+            file.visititems(lambda name, node: _read_node(path, name, node))
+        yield from ()
+
+    return read()
 
 
 def _read_node(path: Path, name: str, node: Any) -> None:
@@ -83,9 +87,12 @@ def check_place(path: Path, name: str, node: Any, file: Any = None) -> None:
         )
 
 
+TASKS = {"matlab": _try_matlab, "hdf5": _try_hdf5}
+
+
 def main() -> None:
     """What the other process runs."""
-    serve({"try": _try})
+    serve(TASKS)
 
 
 process = GuardedProcess(main)

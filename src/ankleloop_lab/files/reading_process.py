@@ -6,16 +6,14 @@ To add a format, write a class of `Contents` and a function here that opens it, 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ankleloop.errors import DataError
 from ankleloop.trials.files import PathLike, check_readable
-from ankleloop.trials.guarded_process import GuardedProcess, serve
+from ankleloop.trials.guarded_process import Arrays, GuardedProcess, serve
 from ankleloop.trials.readable_files import name_errors
 from ankleloop_lab.files.channels import find_channels
 from ankleloop_lab.files.channels import read_channels as read_open_channels
@@ -122,19 +120,19 @@ def find_suffix(path: Path) -> str | None:
 # --- What runs in the other process
 
 
-def _find(path: Path, case: int | None, **wanted: Any) -> Iterator[tuple[dict[str, Any], Any]]:
+def _find(path: Path, case: int | None, **wanted: Any) -> Arrays:
     """The variables of a trial, without their samples."""
     return _describe_channels(choose_container(path), path, case, find_channels, wanted)
 
 
-def _read(path: Path, case: int | None, **wanted: Any) -> Iterator[tuple[dict[str, Any], Any]]:
+def _read(path: Path, case: int | None, **wanted: Any) -> Arrays:
     """The variables of a trial."""
     return _describe_channels(choose_container(path), path, case, read_open_channels, wanted)
 
 
 def _describe_channels(
     container: Container, path: Path, case: int | None, task: Any, wanted: dict[str, Any]
-) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
+) -> Arrays:
     """What a task gives of an open file."""
     options = {} if case is None else {"case": case}
     with closing(container(path, **options)) as contents:

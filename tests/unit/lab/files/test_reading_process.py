@@ -42,11 +42,11 @@ PROGRAMS = (
     """,
     """
         from ankleloop.trials import readable_files
-        read_all = readable_files._read_all
-        def read(path, library):
+        try_matlab = readable_files.TASKS["matlab"]
+        def read(path):
             fail(path)
-            yield from read_all(path, library)
-        readable_files._read_all = read
+            yield from try_matlab(path)
+        readable_files.TASKS["matlab"] = read
         readable_files.main()
     """,
 )
