@@ -115,6 +115,18 @@ def test_a_changed_method_identifies_again_and_simulates_nothing(reproduction, p
     assert not any(job.startswith("simulate") for job in jobs)
 
 
+def test_a_changed_reader_of_the_desk_analyses_recordings_again_and_nothing_else(plan, touch):
+    touch("ankleloop_lab/files/csv_files.py")
+    rules = {job.split()[0] for job in plan()}
+    assert "recordings" in rules
+    assert not rules & {"simulate", "identify", "small_table", "verify", "article"}
+
+
+def test_a_changed_rule_of_verdicts_concerns_the_article_alone(plan, touch):
+    touch("ankleloop_workflow/paper/judgement.py")
+    assert plan() == SUMMARIES
+
+
 def test_a_reworded_claim_makes_the_article_alone_also_in_a_copy_in_another_folder(
     reproduction, snakemake, laboratory, tmp_path
 ):
@@ -130,7 +142,7 @@ def test_a_reworded_claim_makes_the_article_alone_also_in_a_copy_in_another_fold
 
 
 def test_changed_pages_are_made_again(plan, touch):
-    touch("ankleloop_workflow/pages/templates/base.html.j2")
+    touch("ankleloop_lab/pages/templates/base.html.j2")
     rules = {"report", "figure", "article", "index", "recordings", "publish"}
     assert {job.split()[0] for job in plan()} == rules
 
