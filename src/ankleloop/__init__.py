@@ -43,8 +43,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module 'ankleloop' has no attribute {name!r}")
     module = _import_module(name)
     value = module if name == "subspace" else getattr(module, name)
     globals()[name] = value
@@ -91,8 +89,10 @@ def _import_module(name: str) -> ModuleType:  # noqa: C901 # a list
             from ankleloop_lab.experiments import duration as module
         case "LiveEstimate":
             from ankleloop_lab.live import live_estimate as module
+        case "subspace":
+            import ankleloop.subspace as module
         case _:
-            from ankleloop import subspace as module
+            raise AttributeError(f"module 'ankleloop' has no attribute {name!r}")
     return module
 
 
