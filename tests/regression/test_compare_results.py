@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 from compare_results import compare_folders
 
-TABLE = pd.DataFrame({"K": [150.0, 1e-8, float("nan")], "verdict": ["holds", "open", None]})
+TABLE = pd.DataFrame({"K": [150.0, 1e-8, float("nan")], "verdict": ["holds", "open", ""]})
 
 
 @pytest.fixture
