@@ -16,6 +16,8 @@ from ankleloop.options import Options, type_name
 from ankleloop.quantities import QUANTITIES
 from ankleloop_lab.command_line.main import commands
 
+PACKAGES = ("ankleloop", "ankleloop_lab", "ankleloop_workflow")
+
 
 def options_rows(options, *, yaml=False):
     """Name, meaning, default, unit, bounds and type of each option, as Python or as YAML writes them."""
@@ -145,17 +147,15 @@ class Name(SphinxRole):
 
 
 def resolve_name(app, env, node, content):
-    """Link a name of the library that the site documents; others stay code."""
+    """Link a name of the packages that the site documents; others stay code."""
     if node.get("reftype") != "library-name":
         return None
     domain, target = env.domains["py"], node["reftarget"].removesuffix("()")
-    for name in (target, f"ankleloop.{target}", f"ankleloop.{target.rpartition('.')[2]}"):
-        if name.startswith("ankleloop.") and name in domain.objects:
-            if (
-                name != target
-                and target.startswith("ankleloop.")
-                and not _same_object(name, target)
-            ):
+    full_names = [f"{package}.{target}" for package in PACKAGES]
+    is_full = target.partition(".")[0] in PACKAGES
+    for name in (target, *full_names, f"ankleloop.{target.rpartition('.')[2]}"):
+        if name.partition(".")[0] in PACKAGES and name in domain.objects:
+            if name != target and is_full and not _same_object(name, target):
                 continue
             entry = domain.objects[name]
             return nodes.reference(
