@@ -125,6 +125,11 @@ class Offer(NamedTuple):
     changing: bool = False  # whether it is only for a joint that changes
 
 
+def find_reference(options: Any) -> str | None:
+    """Variable that the option `reference` names; None without one."""
+    return getattr(options, "reference", None)
+
+
 @dataclass(frozen=True, eq=False)
 class Method:
     """A method under its name.
@@ -162,7 +167,7 @@ class Method:
     name: str
     options: type[Options]
     identify: Callable[[Any, Any], Any]
-    reference: Callable[[Any], str | None] = lambda options: getattr(options, "reference", None)
+    reference: Callable[[Any], str | None] = find_reference
     merges: bool = False
     validity: Validity = UNKNOWN
     offer: Offer | None = None

@@ -307,18 +307,19 @@ def finish(figure: DataFigure) -> DataFigure:
             axis.tick_params(labelbottom=False)
         else:  # also where the panels below are hidden
             axis.tick_params(labelbottom=True)
-    # The layout of another figure is its owner's.
-    has_layout = not isinstance(figure, DataFigure) or figure.get_layout_engine() is not None
-    if not has_layout:
-        figure.tight_layout(pad=0.4)  # once, where an engine would do it for every drawing
+    # The layout of another figure, or of a part of one, is its owner's.
+    if not isinstance(figure, DataFigure) or figure.get_layout_engine() is not None:
+        add_legend(figure)
+        return figure
+    figure.tight_layout(pad=0.4)  # once, where an engine would do it for every drawing
     height = figure.get_figheight()
     add_legend(figure)
-    if not has_layout:  # panels keep their size, and their distance from the upper edge
-        share = height / figure.get_figheight()
-        margins = figure.subplotpars
-        bottom = 1.0 - share * (1.0 - margins.bottom)
-        top = 1.0 - share * (1.0 - margins.top)
-        figure.subplots_adjust(bottom=bottom, top=top)
+    # Panels keep their size, and their distance from the upper edge.
+    share = height / figure.get_figheight()
+    margins = figure.subplotpars
+    bottom = 1.0 - share * (1.0 - margins.bottom)
+    top = 1.0 - share * (1.0 - margins.top)
+    figure.subplots_adjust(bottom=bottom, top=top)
     return figure
 
 

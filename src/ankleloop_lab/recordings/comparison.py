@@ -96,6 +96,11 @@ def compare(
     K rises by 41 (38.52 … 43.48) N·m/rad from rest to 10MVC (3 subjects, paired 95 % intervals).
     """
     used = select_rows(table, [condition, within])
+    if pd.api.types.is_bool_dtype(
+        used[condition].infer_objects()
+    ):  # which would select rows and columns
+        texts = pd.Categorical(used[condition].astype(bool).astype(str), ["False", "True"])
+        used = used.assign(**{condition: texts})
     rows: list[Row] = []
     for name in COMPARED:
         if name not in used or used[name].isna().all():

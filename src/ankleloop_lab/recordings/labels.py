@@ -91,9 +91,13 @@ def order_conditions(conditions: Sequence[object]) -> list[object]:
 
     >>> order_conditions(["10MVC", "20MVC", "rest"])
     ['rest', '10MVC', '20MVC']
+    >>> order_conditions(["0deg", "10deg", "-10deg"])
+    ['-10deg', '0deg', '10deg']
     """
-    found = {condition: re.search(r"\d+(\.\d+)?", str(condition)) for condition in conditions}
-    numbers = {
-        condition: float(match[0]) if match else float("-inf") for condition, match in found.items()
-    }
-    return sorted(found, key=lambda condition: numbers[condition])
+    return sorted(dict.fromkeys(conditions), key=_find_number)
+
+
+def _find_number(condition: object) -> float:
+    """The first number in a condition; a sign behind a letter or a digit, as in MVC-10, divides words."""
+    match = re.search(r"((?<!\w)[-−])?\d+(\.\d+)?", str(condition))
+    return float(match[0].replace("−", "-")) if match else float("-inf")

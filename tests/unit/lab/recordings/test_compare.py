@@ -51,12 +51,27 @@ def test_means_are_over_subjects_that_count_alike(table):
     assert (means.loc["10MVC", "low"], means.loc["10MVC", "high"]) == pytest.approx(interval)
 
 
+@pytest.mark.parametrize("kind", [bool, object])
+def test_conditions_that_are_flags(kind):
+    """They are labels, and select no rows or columns."""
+    table = pd.DataFrame({"subject": ["A", "B"] * 2, "active": [False, False, True, True]})
+    table["active"] = table["active"].astype(kind)
+    table["K"] = [100.0, 120.0, 140.0, 130.0]
+    result = compare(table, "active")
+    assert of_kind(result, "mean")["value"].to_dict() == {"False": 110.0, "True": 135.0}
+    difference = of_kind(result, "difference").loc[("True", "False")]
+    assert (difference["value"], difference["subjects"]) == (25.0, 2)
+
+
 @pytest.mark.parametrize(
     ("names", "order"),
     [
         (["10MVC", "20MVC", "rest"], ["rest", "10MVC", "20MVC"]),
         (["pre", "post", "late"], ["pre", "post", "late"]),
         ([20, 5, 10], [5, 10, 20]),
+        ([0, 10, -10], [-10, 0, 10]),
+        (["0deg", "10deg", "-10deg"], ["-10deg", "0deg", "10deg"]),
+        (["MVC-10", "MVC-5", "rest"], ["rest", "MVC-5", "MVC-10"]),
     ],
 )
 def test_conditions_stand_by_their_numbers_or_as_they_appear(table, names, order):

@@ -1,5 +1,6 @@
 """A method is an object: what is called with a name can be called with it, and nothing changes what it gives."""
 
+import pickle
 import re
 
 import numpy as np
@@ -111,3 +112,11 @@ def test_usual_methods_are_those_that_are_offered_with_options_that_they_have(re
         assert ("position as reference" in method["label"]) == ("reference" in method["options"])
     assert "riv-tv" not in usual_methods(reference=reference)
     assert list(usual_methods(reference=reference, names=["riv-tv"])) == ["riv-tv"]
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_another_process_can_be_given_a_method(name):
+    """As `identify_each` does with several jobs."""
+    copy = pickle.loads(pickle.dumps(METHODS[name]))
+    options = METHODS[name].options()
+    assert copy.reference(options) == METHODS[name].reference(options)

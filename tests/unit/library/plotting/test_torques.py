@@ -64,6 +64,17 @@ def test_an_estimate_plots_itself_over_the_measured_torque_and_with_a_trial_over
     assert "true (simulated)" in set(estimate.plot(trial).data["series"])
 
 
+@pytest.mark.parametrize("layout", [None, "constrained"])
+def test_an_estimate_plots_itself_into_a_part_of_a_figure(identified, layout):
+    _, estimates = identified
+    figure = plt.figure(layout=layout)
+    part = figure.subfigures(1, 2)[1]
+    assert estimates["PR-MOESP"].plot(figure=part) is part
+    assert len(part.axes) == 3
+    assert len(part.legends) == 1
+    plt.close(figure)
+
+
 def test_an_estimate_without_a_measured_torque_asks_for_the_trial(identified):
     trial, estimates = identified
     estimate = replace(
