@@ -22,8 +22,6 @@ from ankleloop_lab.files.units import is_unit
 LAST_LINES = 100  # whose digits are compared
 FIRST_LINES = 1000  # in which the names and the first numbers are
 DELIMITERS = {";": "semicolons", "\t": "tabs", ",": "commas"}
-# Arrow, which has the text of columns otherwise, takes more address space than a file may.
-pd.set_option("mode.string_storage", "python")
 NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?inf|nan|n/?a|null", re.IGNORECASE)
 
 

@@ -27,6 +27,10 @@ Container = Callable[..., Contents]
 
 
 def _load_csv() -> Container:
+    import pandas as pd
+
+    # Arrow, which has the text of columns otherwise, takes more address space than a file may.
+    pd.set_option("mode.string_storage", "python")
     from ankleloop_lab.files.csv_files import CsvContents
 
     return CsvContents

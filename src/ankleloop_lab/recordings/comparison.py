@@ -234,14 +234,21 @@ def select_comparable(table: pd.DataFrame) -> pd.DataFrame | None:
 def describe_differences(comparison: pd.DataFrame, name: str = "K") -> str:
     """Differences of a parameter from the first condition, in a sentence."""
     rows = comparison[(comparison["parameter"] == name) & (comparison["kind"] == "difference")]
+    if rows.empty:
+        return f"There are no two conditions with values of {name}."
     rows = rows[rows["reference"] == rows["reference"].iloc[0]]
     sentence = ", and ".join(_describe_change(row) for _, row in rows.iterrows())
-    subjects = " or ".join(f"{count}" for count in rows["subjects"].unique())
-    return f"{sentence[0].upper()}{sentence[1:]} ({subjects} subjects, paired 95 % intervals)."
+    sentence = f"{sentence[0].upper()}{sentence[1:]}"
+    counts = rows.loc[rows["subjects"] > 0, "subjects"].unique()
+    if not counts.size:
+        return f"{sentence}."
+    return f"{sentence} ({' or '.join(map(str, counts))} subjects, paired 95 % intervals)."
 
 
 def _describe_change(row: pd.Series) -> str:
     """A difference in words."""
+    if row["subjects"] == 0:
+        return f"no subject has {row['parameter']} both in {row['reference']} and in {row['condition']}"
     ends = [row["value"], row["low"], row["high"]]
     change = f"no difference of {row['parameter']} is shown:"
     if row["low"] > 0:

@@ -1,5 +1,6 @@
 """Streams and tables that grow: what is read of them is what was sent."""
 
+import subprocess
 import sys
 from itertools import islice
 
@@ -114,3 +115,15 @@ def test_a_table_is_followed_while_it_grows_also_within_a_line(tmp_path):
     np.testing.assert_allclose(samples["torque"], np.where(rows == 150, np.nan, 2.0 * rows))
     np.testing.assert_allclose(samples["position"], np.radians(rows + 0.5))
     np.testing.assert_allclose(samples["time"], rows / 100.0)
+
+
+UNTOUCHED = """
+import pandas as pd
+before = pd.get_option("mode.string_storage")
+import ankleloop_lab.live.sources
+assert pd.get_option("mode.string_storage") == before
+"""
+
+
+def test_importing_sources_changes_no_option_of_pandas():
+    subprocess.run([sys.executable, "-c", UNTOUCHED], check=True)

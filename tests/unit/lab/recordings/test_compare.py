@@ -188,3 +188,13 @@ def test_names_suggest_their_pattern(names, pattern):
 def test_wrong_patterns(pattern, message):
     with pytest.raises(DataError, match=message):
         read_labels("S1_rest.mat", pattern)
+
+
+def test_what_is_said_without_a_difference():
+    """Two groups of subjects, and a single condition."""
+    table = pd.DataFrame({"subject": list("ABCD"), "condition": ["young", "young", "old", "old"]})
+    table["K"] = [100.0, 120.0, 140.0, 130.0]
+    sentence = describe_differences(compare(table))
+    assert sentence == "No subject has K both in young and in old."
+    sentence = describe_differences(compare(table[:2]))
+    assert sentence == "There are no two conditions with values of K."
