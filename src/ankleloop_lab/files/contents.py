@@ -86,7 +86,13 @@ def number_trial(name: str, number: int) -> str:
 
 
 class Contents:
-    """Variables and attributes of an open file."""
+    """Variables and attributes of an open file.
+
+    A container fills `variables` when it opens a file, each with the attribute "units" where the file states one, and
+    gives the sampling rate [Hz], where it has one for all, as "sampling_rate" of `file_attributes`. It raises
+    `UnreadableError` for a file that is damaged, and `DataError`, with advice, for what a user can mend.
+    `tdms_files.TdmsContents` is a short example.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
