@@ -26,10 +26,9 @@ from ankleloop.trials.channels import CHANNELS, VARIABLES
 from ankleloop.trials.units import (
     POSITION_UNITS,
     TORQUE_UNIT,
-    UNITS,
     check_unit,
     find_stated_unit,
-    strip_unit,
+    normalise_unit,
 )
 
 REQUIRED = ("position", "torque")
@@ -94,7 +93,7 @@ def new_trial(
     arrays: dict[str, np.ndarray] = {}
     attributes: dict[str, Any] = {"sampling_rate": rate}
     values = {"position": position, "torque": torque, "reference": reference, **extras}
-    position_unit = "deg" if UNITS.get(strip_unit(_unit_of(position))) == "deg" else "rad"
+    position_unit = "deg" if normalise_unit(_unit_of(position)) == "deg" else "rad"
     for name, value in values.items():
         if value is None and name not in REQUIRED:
             continue

@@ -45,7 +45,12 @@ def strip_unit(text: str) -> str:
     return re.sub(r"[\s·.*⋅•×_^()\[\]-]", "", text).lower()
 
 
-def find_stated_unit(attributes: Mapping[str, Any]) -> str:
+def normalise_unit(text: str, units: Mapping[str, str] = UNITS) -> str:
+    """Unit in one of its spellings; another text as it is."""
+    return units.get(strip_unit(text), text)
+
+
+def find_stated_unit(attributes: Mapping[str, Any], known: Mapping[str, str] = UNITS) -> str:
     """Unit that attributes state, and a scale without a convention; texts that differ are joined, to be refused."""
     units: dict[str, str] = {}
     scales = {} if is_nwb(attributes) else SCALES
@@ -54,7 +59,7 @@ def find_stated_unit(attributes: Mapping[str, Any]) -> str:
         is_number = np.asarray(value).dtype.kind in "iuf"
         if word in ("units", "unit"):
             text = as_text(value)
-            units[UNITS.get(strip_unit(text), text)] = text
+            units[normalise_unit(text, known)] = text
         elif word in scales and is_number and np.any(value != scales[word]):
             units[name] = f"{name} = {value}"
     return " and ".join(text for unit, text in units.items() if unit)
@@ -67,7 +72,7 @@ def is_nwb(attributes: Mapping[str, Any]) -> bool:
 
 def check_unit(name: str, stated: str, expected: str, *, source: str) -> None:
     """Refuse a channel that states another unit than the expected one; most state none."""
-    if UNITS.get(strip_unit(stated), stated) not in ("", expected):
+    if normalise_unit(stated) not in ("", expected):
         raise DataError(
             f"{source}: {name} is in {stated!r} according to its attributes: convert it to {expected}."
         )

@@ -25,6 +25,7 @@ import numpy as np
 
 from ankleloop.errors import DataError
 from ankleloop.trials.units import find_stated_unit, is_nwb
+from ankleloop_lab.files.units import UNITS
 
 MOST_CHARACTERS = 600  # of the names that a message has
 PART = re.compile(r"(.+)\[([\d:, ]+)\]")  # of a matrix
@@ -77,7 +78,7 @@ class Variable:
     @property
     def unit(self) -> str:
         """Unit that the file states, and a scale without a convention; texts that differ are joined, to be refused."""
-        return find_stated_unit(self.attributes)
+        return find_stated_unit(self.attributes, UNITS)
 
 
 def number_trial(name: str, number: int) -> str:

@@ -12,10 +12,11 @@ from pydantic import Field, field_validator, model_validator
 from ankleloop.errors import DataError
 from ankleloop.options import Options, option, show_value
 from ankleloop.trials.channels import CHANNELS
+from ankleloop.trials.units import POSITION_UNITS, normalise_unit
 from ankleloop_lab.files.channels import FOUND, NONE
 from ankleloop_lab.files.contents import number_trial
 from ankleloop_lab.files.reading_process import read_channels
-from ankleloop_lab.files.units import POSITION_UNITS, TORQUE_UNITS, normalise_unit
+from ankleloop_lab.files.units import TORQUE_UNITS, UNITS
 
 # Names of further variables: not those that a trial has anyway, or that its reading records.
 FURTHER_NAME = r"(?!torque|(position(_unit|_sign)?|reference|time|sampling_rate|source)$)[A-Za-z]\w*(?<!_variable)"
@@ -77,7 +78,7 @@ class ReadingOptions(Options):
     @classmethod
     def _as_unit(cls, value: Any) -> Any:
         """Units have several spellings."""
-        return normalise_unit(value) if isinstance(value, str) else value
+        return normalise_unit(value, UNITS) if isinstance(value, str) else value
 
     @field_validator("variables", mode="before")
     @classmethod

@@ -6,7 +6,7 @@ import re
 from collections.abc import Container
 
 from ankleloop.errors import DataError
-from ankleloop.trials.units import POSITION_UNITS, by_spelling, strip_unit
+from ankleloop.trials.units import POSITION_UNITS, by_spelling, normalise_unit, strip_unit
 from ankleloop.trials.units import SPELLINGS as TRIAL_SPELLINGS
 
 TORQUE_UNITS = {  # and their N·m
@@ -58,11 +58,6 @@ def is_unit(text: str) -> bool:
     return strip_unit(text) in CHANNEL_UNITS | TIME_UNITS
 
 
-def normalise_unit(text: str) -> str:
-    """Unit in one of its spellings, where it is one of a channel."""
-    return UNITS.get(strip_unit(text), text)
-
-
 def split_unit(name: str, units: Container[str] = CHANNEL_UNITS) -> tuple[str, str]:
     """A name without its unit, and the longest end of it that is a unit, or else what its last brackets have.
 
@@ -81,7 +76,7 @@ def split_unit(name: str, units: Container[str] = CHANNEL_UNITS) -> tuple[str, s
 
 def find_position_unit(name: str, stated: str) -> str | None:
     """Unit of a position as the file states it, or else its name; None where it is read with an option only."""
-    unit = normalise_unit(stated or split_unit(name)[1])
+    unit = normalise_unit(stated or split_unit(name)[1], UNITS)
     return unit if unit in ("rad", "deg") else None
 
 
@@ -103,7 +98,7 @@ def find_factor(
         )
     expected = given or usual
     factor = expected if isinstance(expected, float) else factors[expected]
-    unit = normalise_unit(stated or split_unit(name)[1])
+    unit = normalise_unit(stated or split_unit(name)[1], UNITS)
     is_settled = given is not None and not stated and not is_unit(unit)
     if unit in ("", expected) or isinstance(given, float) or is_settled:
         return factor
