@@ -27,8 +27,8 @@ from ankleloop.signals.least_squares import TINY
 
 LEAST_TOLERANCE = 1e-6  # of the directions of instruments: weaker ones show rounding and noise
 ROUNDING = 2e-16  # of a Gram matrix, relative to its largest eigenvalue
-# Of squared singular values: a bound that adds magnitudes, a hundred times the size of the errors. Where it is 1.5e-4, a
-# reflex torque differed by 1.2e-5 between kernels of OpenBLAS, which promise 1e-5 (benchmarks/processors.py).
+# Of squared singular values: a bound that adds magnitudes, a hundred times the size of the errors. Where it was 1.5e-4,
+# a reflex torque differed by 1.2e-5 between kernels of OpenBLAS; 1e-5 is promised (benchmarks/processors.py).
 ACCURACY = 1e-4
 MARGIN = 4.0  # between an eigenvalue, or what is accurate, and its rounding
 

@@ -1,4 +1,4 @@
-"""Conditions compared within subjects: means, paired differences, and how well sessions repeat."""
+"""Conditions within subjects, or groups of subjects: means, differences, and how well sessions repeat."""
 
 from __future__ import annotations
 
@@ -29,14 +29,21 @@ def compare(
     condition: str = "condition",
     within: str = "subject",
     *,
+    between: str | None = None,
     size: float = 10.0,
 ) -> pd.DataFrame:
-    r"""Compare the parameters of conditions within subjects.
+    r"""Compare the parameters of conditions within subjects, or of groups of subjects.
 
     Each subject has one value for each condition: the plain mean of its rows, which may be sessions. Over subjects, a
     mean and a paired difference :math:`d` of n subjects with the standard deviation s have Student's interval
 
     .. math:: \bar d \pm t_{0.975, \, n - 1} \, s / \sqrt{n}.
+
+    With `between`, conditions are groups, each of its own subjects. The difference of the means of :math:`n_1` and
+    :math:`n_2` subjects, with the standard deviations :math:`s_1` and :math:`s_2`, has Welch's interval,
+
+    .. math:: \bar x_2 - \bar x_1 \pm t_{0.975, \, \nu} \sqrt{v_1 + v_2}, \qquad v_i = s_i^2 / n_i, \qquad
+              \nu = \frac{(v_1 + v_2)^2}{v_1^2 / (n_1 - 1) + v_2^2 / (n_2 - 1)}.
 
     Subjects count alike: weights by the inverse variance of each estimate would favour those with a low K.
 
@@ -56,7 +63,9 @@ def compare(
         Column of the conditions. They stand in the order of the numbers in them, those without a number first; without
         any in the order of appearance; a categorical column in its own order.
     within : str
-        Column of the subjects.
+        Column of the subjects, each of whom has several conditions.
+    between : str, optional
+        Column of the subjects, each of whom is in one condition: a group.
     size : float
         Difference for which the number of subjects is computed [%].
 
@@ -64,16 +73,17 @@ def compare(
     -------
     pandas.DataFrame
         Rows for each `parameter`, with its `unit`. `kind` is "mean" of a `condition`; "difference" of a `condition`
-        from a `reference`; or, with sessions, "ICC(2,1)", "SEM" and "MDC" of a condition. The number of `subjects`, the
-        `value` with the ends `low` and `high` of its 95 % interval. Of a difference also `percent`, `percent_low`,
-        `percent_high`, the mean of the differences in % of the value that each subject has in the reference, where
-        these are positive; and `needed`, the number of subjects that show a difference of `size` with a power of
-        80 %. Each interval holds by itself.
+        from a `reference`, or with `between` "group difference"; or, with sessions, "ICC(2,1)", "SEM" and "MDC" of a
+        condition. The number of `subjects`, the `value` with the ends `low` and `high` of its 95 % interval. Of a
+        paired difference also `percent`, `percent_low`, `percent_high`, the mean of the differences in % of the value
+        that each subject has in the reference, where these are positive. Of any difference `needed`, the number of
+        subjects, or of those in each group, that show a difference of `size` with a power of 80 %. Each interval holds
+        by itself.
 
     Raises
     ------
     DataError
-        If a column is missing, or no row has a value.
+        If a column is missing, no row has a value, or with `between` a subject is in several groups.
 
     See Also
     --------
@@ -85,6 +95,8 @@ def compare(
        Bulletin 86(2):420-428, 1979. https://doi.org/10.1037/0033-2909.86.2.420
     .. [2] J.P. Weir, "Quantifying test-retest reliability using the intraclass correlation coefficient and the SEM",
        Journal of Strength and Conditioning Research 19(1):231-240, 2005. https://doi.org/10.1519/15184.1
+    .. [3] B.L. Welch, "The generalization of 'Student's' problem when several different population variances are
+       involved", Biometrika 34(1-2):28-35, 1947. https://doi.org/10.1093/biomet/34.1-2.28
 
     Examples
     --------
@@ -94,8 +106,19 @@ def compare(
     >>> result = compare(table, "condition")
     >>> print(describe_differences(result))
     K rises by 41 (38.52 … 43.48) N·m/rad from rest to 10MVC (3 subjects, paired 95 % intervals).
+    >>> groups = table.assign(subject=["S1", "S2", "S3", "P1", "P2", "P3"], group=["control"] * 3 + ["stroke"] * 3)
+    >>> result = compare(groups, "group", between="subject")
+    >>> print(result.loc[2, ["kind", "value", "low", "high", "subjects"]].to_string(float_format="{:.1f}".format))
+    kind        group difference
+    value                   41.0
+    low                     -3.3
+    high                    85.3
+    subjects                   6
     """
-    used = select_rows(table, [condition, within])
+    subject = between or within
+    used = select_rows(table, [condition, subject])
+    if between is not None:
+        _check_groups(used, condition, between)
     if pd.api.types.is_bool_dtype(
         used[condition].infer_objects()
     ):  # which would select rows and columns
@@ -105,13 +128,14 @@ def compare(
     for name in COMPARED:
         if name not in used or used[name].isna().all():
             continue
-        means = used.pivot_table(name, within, condition, observed=True, sort=False)
+        means = used.pivot_table(name, subject, condition, observed=True, sort=False)
         means = means[_order(used[condition], means)]
         found = [{"kind": "mean", "condition": key, **_describe(means[key])} for key in means]
         for first, second in combinations(means, 2):
-            found.append(_describe_difference(means[first], means[second], size))
+            describe = _describe_difference if between is None else _describe_group_difference
+            found.append(describe(means[first], means[second], size))
         if "session" in used:
-            sessions = used.pivot_table(name, within, [condition, "session"], observed=True)
+            sessions = used.pivot_table(name, subject, [condition, "session"], observed=True)
             for key in means:
                 found += _describe_repeatability(sessions[[key]].dropna().to_numpy(), key)
         unit = QUANTITIES[name].unit
@@ -129,6 +153,16 @@ def select_rows(table: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
             raise DataError(f"the table has no column {column!r}; it has {known}.")
     used = table[table["trusted"].eq(True)] if "trusted" in table else table
     return used.dropna(subset=columns)
+
+
+def _check_groups(table: pd.DataFrame, group: str, subject: str) -> None:
+    """Refuse subjects who are in several groups."""
+    counts = table.groupby(subject, observed=True, sort=False)[group].nunique()
+    if (counts > 1).any():
+        raise DataError(
+            f"{counts.index[counts > 1][0]} is in several groups of {group!r}: compare within subjects, "
+            f"within={subject!r}."
+        )
 
 
 def _order(conditions: pd.Series, known: pd.DataFrame) -> list[Any]:
@@ -164,18 +198,48 @@ def _describe_difference(first: pd.Series, second: pd.Series, size: float) -> Ro
     return row
 
 
-def count_subjects(difference: float, deviation: float) -> float:
-    """Number of subjects that show a difference with a power of 80 %, by the paired t test at a level of 5 %.
+def _describe_group_difference(first: pd.Series, second: pd.Series, size: float) -> Row:
+    """Row of the difference of the means of two groups, with Welch's interval."""
+    groups = [first.dropna(), second.dropna()]
+    counts = np.array([group.size for group in groups])
+    variances = np.array([group.var() for group in groups])
+    shares = variances / counts
+    value = second.mean() - first.mean()
+    row = {
+        "kind": "group difference",
+        "condition": second.name,
+        "reference": first.name,
+        "subjects": counts.sum(),
+        "value": value,
+        "low": np.nan,
+        "high": np.nan,
+    }
+    if shares.sum() > 0:  # of groups with two subjects or more
+        freedom = shares.sum() ** 2 / np.sum(shares**2 / (counts - 1))
+        margin = special.stdtrit(freedom, QUANTILE) * np.sqrt(shares.sum())
+        row["low"] = value - margin
+        row["high"] = value + margin
+        deviation = np.sqrt(variances.mean())
+        row["needed"] = count_subjects(size / 100.0 * abs(first.mean()), deviation, groups=2)
+    return row
 
-    `deviation` is the standard deviation of the differences over subjects. Infinite above a thousand.
+
+def count_subjects(difference: float, deviation: float, groups: int = 1) -> float:
+    """Number of subjects that show a difference with a power of 80 %, by the t test at a level of 5 %.
+
+    `deviation` is the standard deviation over subjects of the paired differences; of two groups that of the values in
+    each, and the number is that of each group. Infinite above a thousand.
 
     >>> count_subjects(5.0, 10.0), count_subjects(8.0, 10.0)
     (34.0, 15.0)
+    >>> count_subjects(5.0, 10.0, groups=2)
+    64.0
     """
     counts = np.arange(2.0, MOST_SUBJECTS + 1.0)
-    quantile = special.stdtrit(counts - 1.0, QUANTILE)
-    shift = difference / deviation * np.sqrt(counts)
-    missed = special.nctdtr(counts - 1.0, shift, quantile)
+    freedom = groups * (counts - 1.0)
+    quantile = special.stdtrit(freedom, QUANTILE)
+    shift = difference / deviation * np.sqrt(counts / groups)
+    missed = special.nctdtr(freedom, shift, quantile)
     enough = counts[missed <= 1.0 - POWER]
     return float(enough[0]) if enough.size else np.inf
 
@@ -233,7 +297,8 @@ def select_comparable(table: pd.DataFrame) -> pd.DataFrame | None:
 
 def describe_differences(comparison: pd.DataFrame, name: str = "K") -> str:
     """Differences of a parameter from the first condition, in a sentence."""
-    rows = comparison[(comparison["parameter"] == name) & (comparison["kind"] == "difference")]
+    kinds = ["difference", "group difference"]
+    rows = comparison[(comparison["parameter"] == name) & comparison["kind"].isin(kinds)]
     if rows.empty:
         return f"There are no two conditions with values of {name}."
     rows = rows[rows["reference"] == rows["reference"].iloc[0]]
@@ -242,19 +307,26 @@ def describe_differences(comparison: pd.DataFrame, name: str = "K") -> str:
     counts = rows.loc[rows["subjects"] > 0, "subjects"].unique()
     if not counts.size:
         return f"{sentence}."
-    return f"{sentence} ({' or '.join(map(str, counts))} subjects, paired 95 % intervals)."
+    test = "paired" if rows["kind"].iloc[0] == "difference" else "Welch's"
+    return f"{sentence} ({' or '.join(map(str, counts))} subjects, {test} 95 % intervals)."
 
 
 def _describe_change(row: pd.Series) -> str:
     """A difference in words."""
+    name, reference, condition = row["parameter"], row["reference"], row["condition"]
     if row["subjects"] == 0:
-        return f"no subject has {row['parameter']} both in {row['reference']} and in {row['condition']}"
+        return (
+            f"no subject has {name} both in {reference} and in {condition} "
+            "(groups of subjects are compared with between=)"
+        )
+    if pd.isna(row["low"]):
+        return f"the difference of {name} from {reference} to {condition} cannot be judged: it needs two subjects"
     ends = [row["value"], row["low"], row["high"]]
-    change = f"no difference of {row['parameter']} is shown:"
+    change = f"no difference of {name} is shown:"
     if row["low"] > 0:
-        change = f"{row['parameter']} rises by"
+        change = f"{name} rises by"
     elif row["high"] < 0:
-        change = f"{row['parameter']} falls by"
+        change = f"{name} falls by"
         ends = [-row["value"], -row["high"], -row["low"]]
     numbers = "{:.4g} ({:.4g} … {:.4g})".format(*ends)
-    return f"{change} {numbers} {row['unit']} from {row['reference']} to {row['condition']}"
+    return f"{change} {numbers} {row['unit']} from {reference} to {condition}"

@@ -6,7 +6,11 @@ import pytest
 from scipy import stats
 
 from ankleloop import DataError, compare
-from ankleloop_lab.recordings.comparison import describe_differences, select_comparable
+from ankleloop_lab.recordings.comparison import (
+    count_subjects,
+    describe_differences,
+    select_comparable,
+)
 from ankleloop_lab.recordings.labels import read_labels, suggest_names
 
 SUBJECTS = list("abcdefgh")
@@ -195,6 +199,32 @@ def test_what_is_said_without_a_difference():
     table = pd.DataFrame({"subject": list("ABCD"), "condition": ["young", "young", "old", "old"]})
     table["K"] = [100.0, 120.0, 140.0, 130.0]
     sentence = describe_differences(compare(table))
-    assert sentence == "No subject has K both in young and in old."
+    assert sentence.startswith("No subject has K both in young and in old (groups of subjects")
+    sentence = describe_differences(compare(table[[True, False, True, False]], between="subject"))
+    assert "cannot be judged" in sentence
     sentence = describe_differences(compare(table[:2]))
     assert sentence == "There are no two conditions with values of K."
+
+
+def test_groups_of_subjects_have_the_interval_of_welch():
+    """The mean of each subject first, then the test of scipy, of which the interval is the same."""
+    rng = np.random.default_rng(2)
+    table = pd.DataFrame({"subject": list("aabbccdddee"), "group": ["old"] * 6 + ["young"] * 5})
+    table["K"] = rng.normal(100.0, 10.0, len(table))
+    comparison = compare(table, "group", between="subject")
+    (row,) = comparison.query("kind == 'group difference'").to_dict("records")
+    subjects = table.groupby(["group", "subject"])["K"].mean()
+    expected = stats.ttest_ind(subjects["young"], subjects["old"], equal_var=False)
+    interval = expected.confidence_interval()
+    assert row["subjects"] == 5
+    np.testing.assert_allclose([row["low"], row["high"]], [interval.low, interval.high])
+    assert "Welch's 95 % intervals" in describe_differences(comparison)
+    with pytest.raises(DataError, match=r"c is in several groups of 'group': compare within"):
+        compare(table.replace("d", "c"), "group", between="subject")
+
+
+def test_needed_subjects_of_two_groups_have_the_power():
+    n = int(count_subjects(8.0, 10.0, groups=2))
+    draws = np.random.default_rng(1).normal(0.0, 10.0, (2, 4000, n))
+    power = np.mean(stats.ttest_ind(draws[0] + 8.0, draws[1], axis=1).pvalue < 0.05)
+    assert 0.78 < power < 0.82
