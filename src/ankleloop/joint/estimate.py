@@ -219,8 +219,14 @@ class Estimate:
 
     @property
     def correlation(self) -> pd.DataFrame:
-        """Correlation of the parameters, a row and a column for each; empty where the method gives no intervals."""
+        """Correlation of the parameters, a row and a column for each.
+
+        Empty where the method gives no intervals, or where their covariance has fewer degrees of freedom than there are
+        parameters: that of four trials that scatter has three, and its correlations are near ±1 whatever they are.
+        """
         covariance = self.covariance
+        if self.freedom < len(covariance):
+            return pd.DataFrame()
         errors = np.sqrt(np.diag(covariance.to_numpy(dtype=float)))
         return covariance / np.outer(errors, errors)
 
@@ -401,9 +407,18 @@ class Estimate:
         if score is not None:
             first = f"net VAF: {score:.1f} %; {first}"
         lines = [first]
+        trials = len(split_torques(self.torque))
+        if trials > 1 and self.intervals:
+            between = self.diagnostics.get("intervals") == "between trials"
+            mean = "all trials like these" if between else "these trials"
+            lines.append(f"intervals: for the mean over {mean} ({trials})")
         correlated = self._list_correlated()
         if correlated:
             lines.append(f"correlated: {', '.join(correlated)}")
+        elif self.freedom < len(self.covariance):
+            lines.append(
+                f"correlated: cannot be judged, {len(self.covariance)} parameters have {self.freedom:g} degrees of freedom"
+            )
         for kind, label in REMARKS.items():
             lines += [f"{label}: {text}" for text in self.diagnostics.get(kind, ())]
         return lines

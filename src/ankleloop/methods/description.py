@@ -31,7 +31,7 @@ SOURCES = {
 INTERVALS = {
     "asymptotic": "from the asymptotic covariance",
     "robust": "robust against what the model lacks",
-    "between trials": "from the scatter between the trials",
+    "between trials": "from the scatter between the trials, for the mean over all such trials",
 }
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import special
 
+from ankleloop.errors import DataError
 from ankleloop.methods.riv.alternatives import SIGNIFICANT, find_steps, is_large, normal_score
 from ankleloop.methods.riv.search import Search
 from ankleloop.quantities import STIFFNESS
@@ -57,6 +58,14 @@ class Lags(NamedTuple):
 
     values: np.ndarray  # shape (parts,): [s], less the mean
     scores: np.ndarray  # shape (parts,): over their standard errors
+
+
+def check_intervals(kind: str | None, trials: Sequence[Any]) -> None:
+    """Refuse intervals between trials of a single one."""
+    if kind == "between trials" and len(trials) == 1:
+        raise DataError(
+            "intervals between trials need several trials of one condition: pass a list of them, or leave intervals out."
+        )
 
 
 def _sum_parts(contributions: np.ndarray, sizes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:

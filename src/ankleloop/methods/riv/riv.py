@@ -30,6 +30,7 @@ from ankleloop.methods.riv.alternatives import (
 )
 from ankleloop.methods.riv.constancy import (
     Constancy,
+    check_intervals,
     describe_changes,
     measure_constancy,
     measure_lags,
@@ -52,9 +53,10 @@ CERTAIN_DELAY = 0.005  # s, standard error
 class RivOptions(RefinedOptions, BasisOptions):
     """Options of refined instrumental variables."""
 
-    intervals: Literal["asymptotic", "robust"] | None = option(
+    intervals: Literal["asymptotic", "robust", "between trials"] | None = option(
         None,
-        "asymptotic, for a complete model; robust, for an incomplete one; null: as the residual shows",
+        "asymptotic, for a complete model; robust, for an incomplete one; between trials, for the mean over all such "
+        "trials; null: as the record shows",
     )
 
 
@@ -83,6 +85,11 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
     Intervals are for the parameters that the same model would have on an infinitely long record. Where the residual
     depends on the movement, the model is incomplete and asymptotic intervals do not hold: they are then robust
     (`ankleloop.methods.riv.covariance.robust_covariance`). There are none if the search has not converged.
+
+    Of several trials these intervals are for the mean over these trials. Those "between trials", from their scatter,
+    are for the mean over all trials that there could be of such a condition. By default they are taken where a test at
+    a level of 1 % shows that the trials differ, so a scatter that is smaller leaves intervals that hold the mean over
+    these trials alone: ask for ``intervals="between trials"`` where the other one is meant.
 
     Parameters
     ----------
@@ -121,6 +128,7 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
     >>> low < 150.0 < high
     True
     """
+    check_intervals(options.intervals, trials)
     solution = _solve(trials, options, estimate_delay=options.delay is None)
     assumptions = []
     if options.delay is None and not _shows_delay(solution):

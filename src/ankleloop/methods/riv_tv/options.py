@@ -54,6 +54,11 @@ class RivTvOptions(RefinedOptions, RectifierOptions):
         le=10,
     )
 
+    intervals: Literal["robust", "between trials"] | None = option(
+        None,
+        "of the means: robust; between trials, for the mean over all such trials; null: as the record shows",
+    )
+
     @field_validator("cycle_onsets", "knots", mode="before")
     @classmethod
     def _as_tuple(cls, values: Any) -> Any:

@@ -24,6 +24,7 @@ from ankleloop.methods.riv.alternatives import (
 )
 from ankleloop.methods.riv.constancy import (
     Constancy,
+    check_intervals,
     compare_parts,
     describe_changes,
 )
@@ -85,6 +86,7 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
     >>> bool(abs(float(estimate.trajectories["K"].sel(phase=0.5)) - 210.0) < 30.0)
     True
     """
+    check_intervals(options.intervals, trials)
     solution = _solve(trials, options)
     if not solution.converged:
         return _estimate(trials, solution, options, None)
@@ -165,11 +167,10 @@ def _estimate(
     kind = None
     uncertainty = Uncertainty()
     if constancy is not None:
-        kind = "robust"
+        kind = options.intervals or ("between trials" if constancy.differs else "robust")
         covariance = solution.covariance
         freedom = course.segments - 1
-        if constancy.differs:
-            kind = "between trials"
+        if kind == "between trials":
             covariance = constancy.covariance
             freedom = len(trials) - 1
         uncertainty = Uncertainty.of(values, solution.parameter_rows, covariance, freedom)

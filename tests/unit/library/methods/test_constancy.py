@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ankleloop import identify, simulate
+from ankleloop import DataError, identify, simulate
 from ankleloop.methods.riv.constancy import NAMES
 
 
@@ -62,6 +62,11 @@ def test_a_trial_of_another_stiffness_is_named_and_widens_the_intervals(trials, 
     assert estimate.diagnostics["intervals"] == "between trials"
     widths = [np.ptp(each.intervals["K"]) for each in (estimate, identify(trials, "riv"))]
     assert widths[0] > 3.0 * widths[1]
+    # A covariance between six trials has rank five, so that its correlations are near one.
+    text = repr(estimate)
+    assert "intervals: for the mean over all trials like these (6)" in text
+    assert "correlated: cannot be judged" in text
+    assert estimate.correlation.empty
 
 
 def test_a_trial_that_was_recorded_late_is_named_as_such(trials):
@@ -79,3 +84,16 @@ def test_trials_of_one_joint_do_not_differ(settings):
     )
     assert estimate.diagnostics["warnings"] == []
     assert estimate.diagnostics["intervals"] == "asymptotic"
+
+
+@pytest.mark.parametrize("method", ["riv", "riv-tv"])
+def test_intervals_between_trials_can_be_asked_for(trials, method):
+    options = {} if method == "riv" else {"cycle_onsets": [np.arange(0.0, 9.0)] * len(trials)}
+    usual = identify(trials, method, **options)
+    estimate = identify(trials, method, intervals="between trials", **options)
+    assert estimate.stiffness == usual.stiffness
+    assert "intervals: for the mean over these trials (6)" in repr(usual)
+    assert (estimate.diagnostics["intervals"], estimate.freedom) == ("between trials", 5)
+    assert "for the mean over all such trials" in estimate.methods_text()
+    with pytest.raises(DataError, match=r"intervals between trials need several trials"):
+        identify(trials[0], method, intervals="between trials")
