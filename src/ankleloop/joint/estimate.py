@@ -417,7 +417,7 @@ class Estimate:
             lines.append(f"correlated: {', '.join(correlated)}")
         elif self.freedom < len(self.covariance):
             lines.append(
-                f"correlated: cannot be judged, {len(self.covariance)} parameters have {self.freedom:g} degrees of freedom"
+                f"correlated: cannot be judged ({self.freedom:g} degrees of freedom, {len(self.covariance)} parameters)"
             )
         for kind, label in REMARKS.items():
             lines += [f"{label}: {text}" for text in self.diagnostics.get(kind, ())]

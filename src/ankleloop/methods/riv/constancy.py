@@ -64,7 +64,7 @@ def check_intervals(kind: str | None, trials: Sequence[Any]) -> None:
     """Refuse intervals between trials of a single one."""
     if kind == "between trials" and len(trials) == 1:
         raise DataError(
-            "intervals between trials need several trials of one condition: pass a list of them, or leave intervals out."
+            "intervals between trials need several trials of one condition: pass a list, or leave intervals out."
         )
 
 
