@@ -22,6 +22,7 @@ LEAST_RAMP = 0.95
 LEAST_ABOVE_THRESHOLD = 0.1  # share of the velocities
 # Share that one linear system explains of the path, and a low-pass of that system.
 LEAST_DYNAMICS = 0.9
+NO_REFLEX = "the record shows no reflex, as of a passive joint"
 
 
 class Ramp(NamedTuple):
@@ -42,6 +43,7 @@ class ReflexPath:
     # Share of the reflex torque's variance that a single linear system explains; 1 for a Hammerstein system.
     rank_one: float = 1.0
     low_pass: float = 1.0  # share of that system's response that the low-pass explains
+    passive: bool = False  # whether the record shows no reflex
 
     def curve(self) -> dict[str, np.ndarray]:
         """Torque beyond that at rest [N·m] over the quantiles of the velocity [rad/s]."""
@@ -58,7 +60,9 @@ class ReflexPath:
 
     @cached_property
     def fault(self) -> str | None:
-        """Why the path is no ramp with a low-pass behind it, so that G, ωn and ζ mean nothing; None if it is one."""
+        """Why the path is no ramp with a low-pass behind it, so that it has no G; None if it is one."""
+        if self.passive and self.basis.has_threshold:
+            return f'{NO_REFLEX}; basis="rectifier" gives G with its interval'
         ramp = self.rectifier
         shares = (
             (ramp.share, LEAST_RAMP, "a ramp explains {:.2f} of the curve of torque over velocity"),

@@ -185,18 +185,23 @@ def find_alternatives(solution: Search) -> list[Alternative]:
 
 
 def _separate_directions(solution: Search) -> Alternative:
-    """Gains of a reflex in both directions, by the curve of a basis that answers both."""
+    """Gains of a reflex in both directions, by the curve of a basis that answers both.
+
+    The ramp of the usual direction begins at its threshold, else what the curve lacks below it would be the other gain.
+    """
     point = solution.point
     path = point.reflex_path
     velocity = path.basis.quantiles
-    ramps = np.stack([np.ones(velocity.size), velocity.clip(0.0), (-velocity).clip(0.0)])
+    above = velocity - max(path.rectifier.threshold, 0.0)
+    ramps = np.stack([np.ones(velocity.size), above.clip(0.0), (-velocity).clip(0.0)])
     functions = path.basis(velocity)
     weights = np.linalg.lstsq(ramps.T, functions.T, rcond=None)[0]
     _, gain, other_gain = weights @ path.coefficients
     block = slice(MOTION, MOTION + path.coefficients.size)
     covariance = solution.covariance[block, block]
     score = other_gain / np.sqrt(weights[2] @ covariance @ weights[2])
-    shifts = compute_shifts(solution.values, {"G": float(gain)})
+    # Also of a curve that is no ramp, which has no G.
+    shifts = {"G": float(gain) / path.rectifier.gain - 1.0}
     return Alternative("direction", float(other_gain), float(score), shifts)
 
 

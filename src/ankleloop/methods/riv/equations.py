@@ -38,7 +38,6 @@ SLOPE_STEP = 1e-5  # of a logarithm, or s, for second derivatives
 NOMINAL_DYNAMICS = ReflexDynamics(omega_n=40.0, zeta=1.0)  # of a reflex that is not there
 SHOWN_REFLEX = 4.5  # normal score of a reflex beyond doubt
 ABSENT_REFLEX = 3.0  # of one that a passive joint may seem to have
-NO_REFLEX = "ωn and ζ: the record shows no reflex, as of a passive joint."
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +121,12 @@ class Point:
         self.parameters = parameters
         # Of all unknowns; those of basis functions have the same one.
         self.names = (*STIFFNESS, *["c"] * coefficients.size, *parameters.unknowns)
-        self.reflex_path = ReflexPath(equations.records[0].basis, coefficients, parameters.dynamics)
+        self.reflex_path = ReflexPath(
+            basis=equations.records[0].basis,
+            coefficients=coefficients,
+            dynamics=parameters.dynamics,
+            passive=parameters.passive,
+        )
         # Derivatives of the torque with respect to the unknowns, by the measured inputs and by the predicted ones, both
         # of shape (unknowns, frequencies).
         self.regressors = equations.differentiate(equations.measured, parameters)

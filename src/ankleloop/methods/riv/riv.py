@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
 from typing import Literal
 
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.hammerstein import NO_REFLEX
 from ankleloop.joint.intervals import Uncertainty
 from ankleloop.joint.models import ModelInputs, PhysicalModel
 from ankleloop.joint.prepared import PreparedTrial, make_regressors
@@ -39,7 +40,6 @@ from ankleloop.methods.riv.covariance import robust_covariance
 from ankleloop.methods.riv.equations import (
     ABSENT_REFLEX,
     INCOMPLETE,
-    NO_REFLEX,
     SHOWN_REFLEX,
     Equations,
 )
@@ -193,13 +193,17 @@ def _estimate(
     equations = solution.equations
     point = solution.point
     parameters = point.parameters
-    reflex = point.values
-    stiffness = {name: reflex.pop(name) for name in STIFFNESS}
+    path = point.reflex_path
+    values = point.values
     missing = []
-    if parameters.passive:
+    if path.passive:
         for name in parameters.dynamics.values:
-            del reflex[name]
-        missing = [NO_REFLEX]
+            del values[name]
+        missing = [f"ωn and ζ: {NO_REFLEX}."]
+    if path.fault:
+        del values["G"], values["threshold"]
+        names = "G, ωn and ζ" if path.passive else "G"
+        missing = [f"{names}: {path.fault}."]
     incomplete = []
     if point.movement_p < INCOMPLETE:
         incomplete = [
@@ -210,10 +214,10 @@ def _estimate(
     uncertainty = Uncertainty()
     warnings = _warnings(solution)
     if constancy is not None:
-        kind, uncertainty = _quantify(solution, options.intervals, constancy)
+        kind, uncertainty = _quantify(solution, values, options.intervals, constancy)
         find_lags = partial(measure_lags, solution)
         warnings += describe_changes(constancy, solution.values, find_lags)
-    inputs = replace(ModelInputs.of(equations.records[0]), delay=reflex["delay"])
+    inputs = replace(ModelInputs.of(equations.records[0]), delay=values["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]
     model = PhysicalModel(
@@ -225,9 +229,9 @@ def _estimate(
     return Estimate(
         method="riv",
         torque=merge_torques([model.predict(trial) for trial in trials]),
-        stiffness=stiffness,
-        reflex=reflex,
-        intervals=uncertainty.intervals(point.values),
+        stiffness={name: values[name] for name in STIFFNESS},
+        reflex={name: value for name, value in values.items() if name not in STIFFNESS},
+        intervals=uncertainty.intervals(values),
         diagnostics={
             "order": options.order,
             "iterations": len(solution.points) - 1,
@@ -240,7 +244,7 @@ def _estimate(
             **uncertainty.diagnostics,
             "noise_frequency": band.frequency,
             "noise_spectrum": noise / band.density,
-            "nonlinearity": point.reflex_path.curve(),
+            "nonlinearity": path.curve(),
             "assumptions": assumptions,
             "missing": missing,
             "incomplete": incomplete,
@@ -250,8 +254,10 @@ def _estimate(
     )
 
 
-def _quantify(solution: Search, kind: str | None, constancy: Constancy) -> tuple[str, Uncertainty]:
-    """Kind of the intervals, by default the one that the record asks for; and how uncertain the parameters are."""
+def _quantify(
+    solution: Search, values: Mapping[str, float], kind: str | None, constancy: Constancy
+) -> tuple[str, Uncertainty]:
+    """Kind of the intervals, by default the one that the record asks for; and how uncertain parameters are."""
     if kind is None:
         kind = "robust" if solution.point.movement_p < INCOMPLETE else "asymptotic"
         if constancy.differs:
@@ -263,7 +269,7 @@ def _quantify(solution: Search, kind: str | None, constancy: Constancy) -> tuple
         freedom = constancy.shares.size - 1
     elif kind == "robust":
         covariance, freedom = robust_covariance(solution.point, solution.free)
-    return kind, Uncertainty.of(solution.point.values, solution.rows, covariance, freedom)
+    return kind, Uncertainty.of(values, solution.rows, covariance, freedom)
 
 
 def _warnings(solution: Search) -> list[str]:

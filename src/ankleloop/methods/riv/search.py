@@ -80,9 +80,10 @@ class Search:
 
     @property
     def values(self) -> dict[str, float]:
-        """Parameters by name; without a G that is that of no reflex."""
+        """Parameters by name; without a G that is that of no reflex or of no ramp."""
         values = self.point.values
-        if self.point.parameters.passive:
+        path = self.point.reflex_path
+        if path.passive or path.fault:
             del values["G"]
         return values
 

@@ -11,6 +11,7 @@ from ankleloop.checks.course import check_slow_movement, refuse_locked_perturbat
 from ankleloop.checks.findings import name_trial
 from ankleloop.joint.bases import RectifierBasis
 from ankleloop.joint.estimate import Estimate
+from ankleloop.joint.hammerstein import NO_REFLEX
 from ankleloop.joint.intervals import Uncertainty
 from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
@@ -28,7 +29,7 @@ from ankleloop.methods.riv.constancy import (
     compare_parts,
     describe_changes,
 )
-from ankleloop.methods.riv.equations import ABSENT_REFLEX, NO_REFLEX, SHOWN_REFLEX
+from ankleloop.methods.riv.equations import ABSENT_REFLEX, SHOWN_REFLEX
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
@@ -159,7 +160,7 @@ def _estimate(
     torques = [model.torques(trial, grid, part.place) for trial, grid, part in parts]
     means = solution.means
     reflex = {"delay": solution.delay, "G": means.pop("G")}
-    missing = [NO_REFLEX]
+    missing = [f"ωn and ζ: {NO_REFLEX}."]
     if not solution.parameters.passive:
         reflex |= solution.parameters.dynamics.values
         missing = []

@@ -182,3 +182,37 @@ def test_a_passive_joint_is_a_result(settings, method):
         assert low < truth < high
     assert "omega_n" not in estimate.reflex
     assert "no reflex" in " ".join(estimate.diagnostics["missing"])
+
+
+BASES = [{"basis": "spline", "degree": 8}, {"basis": "chebyshev", "degree": 8}]
+
+
+@pytest.mark.parametrize("options", BASES)
+def test_a_passive_joint_has_no_threshold_and_so_no_gain(options):
+    """A curve of noise is a ramp by chance, of any gain."""
+    for seed in (1, 2, 5):
+        trial = simulate(seed=seed, duration=40.0, reflex_gain=0.0)
+        estimate = identify(trial, "riv", **options)
+        assert set(estimate.reflex) == {"delay"}
+        assert set(estimate.intervals) == {"K", "B", "I"}
+        (text,) = estimate.diagnostics["missing"]
+        assert 'no reflex, as of a passive joint; basis="rectifier" gives G' in text
+
+
+@pytest.mark.parametrize("options", BASES)
+def test_a_threshold_is_no_turned_axis(options):
+    """The ramp begins at the threshold; where few velocities exceed it there is no gain, and that is said."""
+    for seed in (3, 8):
+        estimate = identify(
+            simulate(seed=seed, duration=50.0, reflex_threshold=0.3), "riv", **options
+        )
+        assert estimate.warnings == []
+        low, high = estimate.intervals["G"]
+        assert low < 13.0 < high
+        assert high - low < 5.0
+        estimate = identify(
+            simulate(seed=seed, duration=50.0, reflex_threshold=0.5), "riv", **options
+        )
+        assert estimate.warnings == []
+        assert "G" not in estimate.reflex
+        assert "which only" in estimate.diagnostics["missing"][0]
