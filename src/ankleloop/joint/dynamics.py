@@ -28,6 +28,11 @@ class ReflexDynamics:
         """Parameters by name."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
+    @property
+    def fastest_pole(self) -> float:
+        """Largest decay rate of the second-order part [rad/s]."""
+        return float(self.omega_n * (self.zeta + np.sqrt(max(self.zeta**2 - 1.0, 0.0))))
+
     def scale(self, step: np.ndarray) -> ReflexDynamics:
         """Dynamics after a step of the logarithms of its parameters."""
         values = np.array(list(self.values.values())) * np.exp(step)

@@ -162,9 +162,7 @@ class Point:
     @property
     def pole_out_of_band(self) -> bool:
         """Whether a pole of the second-order part is so fast that it cannot be told from a delay."""
-        zeta = self.parameters.dynamics.zeta
-        fastest = zeta + np.sqrt(max(zeta**2 - 1.0, 0.0))
-        return bool(self.parameters.dynamics.omega_n * fastest > self.equations.pole_limit)
+        return self.parameters.dynamics.fastest_pole > self.equations.pole_limit
 
     def scatter_of(self, weighted: np.ndarray) -> np.ndarray:
         """Covariance of the products of weighted instruments with the noise, if nothing else is left.
@@ -336,6 +334,12 @@ class Equations:
             shift=float(shifts[late]),
             delays=("delay",) if estimate_delay else (),
         )
+
+
+def describe_lost_pole(order: int) -> str:
+    """Warning about dynamics of the reflex one of whose poles cannot be told from a delay."""
+    remedy = "take order=2" if order == 3 else "its gain or the record is too small for two"
+    return f"a pole of the reflex has left the band, so the record does not show {order}: {remedy}."
 
 
 def _join(parts: Sequence[np.ndarray]) -> np.ndarray:

@@ -42,6 +42,7 @@ from ankleloop.methods.riv.equations import (
     INCOMPLETE,
     SHOWN_REFLEX,
     Equations,
+    describe_lost_pole,
 )
 from ankleloop.methods.riv.search import Search, solve
 from ankleloop.options import option
@@ -277,12 +278,7 @@ def _warnings(solution: Search) -> list[str]:
     warnings = []
     order = len(solution.point.parameters.dynamics.values)
     if solution.points[-1].pole_out_of_band or "pole" in solution.held:
-        remedy = "its gain or the record is too small for two"
-        if order == 3:
-            remedy = "take order=2"
-        warnings.append(
-            f"a pole of the reflex has left the band, so the record does not show {order}: {remedy}."
-        )
+        warnings.append(describe_lost_pole(order))
     if not solution.converged:
         warnings.append(
             f"not converged after {len(solution.points) - 1} iterations: the best one is given, without intervals. "

@@ -29,7 +29,7 @@ from ankleloop.methods.riv.constancy import (
     compare_parts,
     describe_changes,
 )
-from ankleloop.methods.riv.equations import ABSENT_REFLEX, SHOWN_REFLEX
+from ankleloop.methods.riv.equations import ABSENT_REFLEX, SHOWN_REFLEX, describe_lost_pole
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
@@ -269,6 +269,8 @@ def _warnings(
             "the instruments are weak: their smallest canonical correlation with the regressors is "
             f"{solution.strength:.2g}. Record more cycles, perturb more strongly, or take fewer knots."
         )
+    if solution.pole_out_of_band:
+        warnings.append(describe_lost_pole(equations.options.order))
     if not solution.converged:
         warnings.append(
             f"not converged after {MOST_ROUNDS} rounds: the trajectories have no bands."

@@ -11,7 +11,7 @@ from scipy import linalg, special
 
 from ankleloop.joint.dynamics import GRIDS, respond
 from ankleloop.methods.riv.alternatives import normal_score
-from ankleloop.methods.riv.equations import Parameters
+from ankleloop.methods.riv.equations import FASTEST_POLE, Parameters
 from ankleloop.methods.riv.start import fit_grid
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
 from ankleloop.methods.riv_tv.smoothing import choose_penalties
@@ -87,6 +87,13 @@ class TimeVaryingSolution:
         if self.parameters.passive:
             del means["G"]
         return means
+
+    @property
+    def pole_out_of_band(self) -> bool:
+        """Whether a pole of the reflex is so fast that it cannot be told from a delay."""
+        dynamics = self.parameters.dynamics
+        fastest = max(dynamics.fastest_pole, dynamics.pole or 0.0)
+        return fastest > FASTEST_POLE * self.equations.noise.highest
 
     @property
     def reflex_score(self) -> float:

@@ -79,6 +79,7 @@ class NoiseModel:
         # Variance of the smoothed spectrum over its square.
         self.spectrum_variance = self.band.smoothing_variance(self.resolution)
         edges = self.band.longest
+        self.highest = edges.highest  # Hz
         self.inside = (frequency >= edges.lowest) & (frequency <= edges.highest)
         # So many independent values a whitened sample has.
         self.share = float(np.mean(self.inside))

@@ -397,3 +397,13 @@ def test_a_schedule_that_is_shifted_in_time_is_a_warning(late, word):
     warnings = warnings_of(trial, schedule="schedule")
     assert ("follows the schedule" in warnings) == bool(word)
     assert word in warnings
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_third_pole_that_is_not_there_is_a_warning(seed):
+    """As by `riv`: two of three poles are shown, whichever of them is called the third."""
+    trial = simulate(seed=seed, variation="cycle", stiffness_variation=0.4)
+    estimate = identify(trial, "riv-tv", cycle_onsets="phase", order=3)
+    assert "take order=2" in " ".join(estimate.fit_warnings)
+    estimate = identify(trial, "riv-tv", cycle_onsets="phase")
+    assert estimate.warnings == []
