@@ -45,6 +45,11 @@ def describe_joint(
             for name, setting in JOINT_SETTINGS.items()
             if name in parameters
         }
+        if "omega_n" not in parameters:  # a passive joint, whose G is zero within its interval
+            values["reflex_gain"] = 0.0
+        elif "G" not in parameters:
+            missing = " ".join(joint.diagnostics["missing"])
+            raise DataError(f'{missing} Identify the pilot with basis="rectifier".')
     elif isinstance(joint, Mapping):
         values = dict(joint)
     else:

@@ -12,11 +12,12 @@ from scipy import special
 from ankleloop.errors import DataError
 from ankleloop.methods.riv.alternatives import SIGNIFICANT, find_steps, is_large, normal_score
 from ankleloop.methods.riv.search import Search
-from ankleloop.quantities import STIFFNESS
+from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
 
 NAMES = (*STIFFNESS, "G")
 NAMED = 3.0  # standard errors: a smaller deviation is not named
+LARGEST_RATIO = 10.0  # of two values: one over another that is nearly zero says nothing
 DIFFERENT = 0.01  # probability of deviations as large, if all trials had the same parameters
 LAG_ADVICE = (
     "samples were lost, or the clocks of position and torque differ: record both with one clock"
@@ -185,10 +186,15 @@ def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: La
         before, after = lags.values
         return f"from the middle on {_describe_lag(after - before)}: {LAG_ADVICE}."
     ratios = []
+    differences = []
     for name in _select_named(constancy, values, 1):
         first, second = values[name] + constancy.deviations[name]
-        ratios.append(f"{name} is {second / first:.2g} times")
-    return f"from the middle on {', '.join(ratios)} what it was before: {HALF_ADVICE}."
+        if 1.0 / LARGEST_RATIO < second / first < LARGEST_RATIO:
+            ratios.append(f"{name} is {second / first:.2g} times")
+        else:
+            differences.append(_describe_difference(name, second - first))
+    changes = [f"{', '.join(ratios)} what it was before"] if ratios else []
+    return f"from the middle on {', '.join(changes + differences)}: {HALF_ADVICE}."
 
 
 def _describe_trial(
@@ -203,7 +209,10 @@ def _describe_trial(
     for name in _select_named(constancy, values, number):
         difference = constancy.deviations[name][number] / (1.0 - share)
         others = values[name] - share * difference
-        changes.append(f"{name} {100 * difference / others:+.0f} %")
+        if abs(difference) < LARGEST_RATIO * abs(others):
+            changes.append(f"{name} {100 * difference / others:+.0f} %")
+        else:
+            changes.append(_describe_difference(name, difference))
     return f"{trial}: {', '.join(changes)}: {TRIAL_ADVICE}."
 
 
@@ -216,6 +225,11 @@ def _select_named(constancy: Constancy, values: Mapping[str, float], number: int
     }
     most = max(scores, key=scores.__getitem__)
     return [name for name in scores if scores[name] > NAMED] or [most]
+
+
+def _describe_difference(name: str, difference: float) -> str:
+    """How much larger a parameter is than one that is nearly zero."""
+    return f"{name} {difference:+.3g} {QUANTITIES[name].unit}"
 
 
 def _describe_lag(lag: float) -> str:

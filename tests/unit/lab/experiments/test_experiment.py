@@ -182,3 +182,15 @@ def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
     assert written["fs"] == 1000.0
     with pytest.raises(DataError, match="exists already"):
         design.save(tmp_path / "command.csv", seed=3)
+
+
+def test_a_pilot_without_a_reflex_or_without_its_gain():
+    """A passive joint has a gain of zero, whatever its estimate is; a curve that is no ramp has none."""
+    trial = simulate(seed=5, duration=20.0, reflex_gain=0.0, voluntary=0.3)
+    passive = identify(trial, "riv")
+    assert passive.reflex["G"] < 0.0
+    assert describe_joint("design", passive, {}).reflex_gain == 0.0
+    trial = simulate(seed=5, duration=40.0, reflex_threshold=0.5)
+    bent = identify(trial, "riv", basis="spline", degree=8)
+    with pytest.raises(DataError, match=r'G: the ramp begins at .* pilot with basis="rectifier"'):
+        describe_joint("design", bent, {})

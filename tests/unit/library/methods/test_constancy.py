@@ -97,3 +97,11 @@ def test_intervals_between_trials_can_be_asked_for(trials, method):
     assert "for the mean over all such trials" in estimate.methods_text()
     with pytest.raises(DataError, match=r"intervals between trials need several trials"):
         identify(trials[0], method, intervals="between trials")
+
+
+def test_a_passive_trial_is_told_in_units():
+    """A reflex over one of nearly zero would be thousands of per cent."""
+    passive = [simulate(seed=seed, duration=20.0, reflex_gain=0.0) for seed in (1, 2, 3)]
+    texts = identify([*passive, simulate(seed=4, duration=20.0)], "riv").warnings
+    assert texts[-1].startswith("trial 4 of 4 differs: G +1")
+    assert " N·m·s/rad: " in texts[-1]
