@@ -51,8 +51,9 @@ class LiveEstimate(ExitStack):
     """K, B, I and G with intervals during the recording, by `riv` on a window that slides.
 
     Each estimate is that of ``identify(window, "riv", **options)``, with its warnings and intervals. The window has the
-    last samples, at most `memory` seconds of them and at least 10 s. It begins anew after a sample that is missing and
-    after a gap; samples that come twice or late are left out.
+    last samples, at most `memory` seconds of them and at least 10 s. It begins anew after a sample that is missing or
+    has no stamp, after a gap, and where stamps go back by more than `jitter`, as those of a program that is started
+    again do; samples that come twice or late are left out. The warnings say so.
     Its `close`, or the end of a block that begins `with` it, waits for the fits that are due.
 
     Parameters
@@ -166,7 +167,8 @@ class LiveEstimate(ExitStack):
         channels = {name: as_real(values, name).ravel() for name, values in given.items()}
         check_sizes({name: values.size for name, values in channels.items()}, source=OWNER)
         for stamp, *sample in np.column_stack(list(channels.values())).tolist():
-            self._left -= self._stream.add(stamp, sample)
+            self._stream.add(stamp, sample)
+            self._left -= 1
             if not self._left:
                 self._left = self._step
                 self._fit_window()

@@ -20,14 +20,14 @@ class Stream:
     def __init__(self, rate: float, memory: float, jitter: float, record: Record | None) -> None:
         self.end = 0.0  # of the last sample [s]
         self._rate = rate
-        self._memory = memory
         self._record = record
         self._tolerance = 0.5 / rate + jitter  # of stamps [s]
         # Times follow their stamps by this share, so that none is less than half an interval after the one before.
         self._following = 0.5 / rate / self._tolerance
-        self._offset = -np.inf  # of times from stamps [s]
+        self._offset: float | None = None  # of times from stamps [s]; None before the first one
         self._ring = np.empty((round(memory * rate), 4))
         self._count = 0  # samples that follow one another
+        self._fault = ""  # why the last samples begin where they do
         self._is_repeated = False  # whether samples came twice or late
 
     @property
@@ -37,35 +37,49 @@ class Stream:
             return self._ring[: self._count].copy()
         return np.roll(self._ring, -self._count, axis=0)
 
-    def add(self, stamp: float, channels: Sequence[float]) -> bool:
-        """Add a sample by its stamp [s], unless it has come already, and return whether it is new."""
-        late = stamp + self._offset - self.end
-        if late < -self._memory:  # the first sample, or a clock that was set back
+    def add(self, stamp: float, channels: Sequence[float]) -> None:
+        """Add a sample by its stamp [s], unless it has come already or comes late."""
+        if self._offset is None and math.isfinite(stamp):
             self._offset = self.end - stamp
-            self._count = 0
+        late = 0.0 if self._offset is None else stamp + self._offset - self.end
+        if math.isnan(stamp):
+            self._begin_anew("a sample without a time was left out")
         elif late > self._tolerance:
             self.end += late
-            self._count = 0
+            self._begin_anew("samples are missing, the last ones")
         elif late >= -self._tolerance:
             self.end += self._following * late
-        else:
+        elif late >= -self._tolerance - 1.0 / self._rate or self._has(late, channels):
             self._is_repeated = True
-            return False
-        if all(map(math.isfinite, channels)):
+            return
+        else:
+            self._offset = self.end - stamp
+            self._begin_anew("the times of samples went back")
+        if not all(map(math.isfinite, channels)):
+            self._begin_anew("samples are missing, the last ones")
+        elif not math.isnan(stamp):
             if self._record:
                 self._record.add(channels, is_first=self._count == 0)
             self._ring[self._count % len(self._ring)] = (self.end, *channels)
             self._count += 1
-        else:
-            self._count = 0
         self.end += 1.0 / self._rate
-        return True
+
+    def _begin_anew(self, fault: str) -> None:
+        """Forget the samples, which what comes does not follow."""
+        self._count = 0
+        self._fault = fault
+
+    def _has(self, late: float, channels: Sequence[float]) -> bool:
+        """Whether this sample has come already, at this time."""
+        kept = self._ring[: self._count]
+        is_near = np.abs(kept[:, 0] - (self.end + late)) <= self._tolerance
+        return bool(np.any(np.all(kept[is_near, 1:] == channels, axis=1)))
 
     def list_faults(self) -> Iterator[str]:
         """What is wrong with the samples that have come."""
         start = self._ring[0, 0]
         if 0 < self._count < len(self._ring) and start > 0.0:
-            yield f"samples are missing, the last ones before {start:.6g} s."
+            yield f"{self._fault} before {start:.6g} s."
         if self._is_repeated:
             yield "samples that came twice or late were left out."
         self._is_repeated = False

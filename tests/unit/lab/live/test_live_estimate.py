@@ -79,10 +79,24 @@ def test_window_begins_anew_behind_a_gap(trial, channels, fault):
 
 
 def test_samples_that_come_twice_or_late_are_left_out(channels, history):
-    again = np.hstack([channels[:, :9000], channels[:, 4000:]])
+    again = np.hstack([channels[:, :10_000], channels[:, 4000:]])
     live = follow(again, pieces=29)
-    assert live.history["K"].equals(history["K"])
-    assert ["twice or late" in text for text in live.history["warnings"]].index(True) == 4
+    values = live.history.drop_duplicates("time")["K"]
+    np.testing.assert_array_equal(values, history["K"])
+    assert ["twice or late" in text for text in live.history["warnings"]].index(True) == 5
+
+
+def test_a_clock_that_stands_still_is_said(channels):
+    channels[3, 10_000:] = channels[3, 9999]
+    live = follow(channels)
+    assert "twice or late" in live.history["warnings"].iloc[-1]
+    assert live.history["time"].iloc[-1] == 10.0
+
+
+def test_a_sample_without_a_stamp_is_a_gap(channels):
+    channels[3, 3000] = np.nan
+    warnings = follow(channels).history["warnings"]
+    assert "a sample without a time was left out before 3.001 s" in warnings[1]
 
 
 def test_stamps_that_jitter_show_the_gaps_alone(channels):
@@ -94,10 +108,12 @@ def test_stamps_that_jitter_show_the_gaps_alone(channels):
     assert not history["warnings"].str.contains("samples come").any()
 
 
-def test_clock_that_is_set_back_begins_anew(channels):
-    channels[3] += 100.0
-    channels[3, 12_000:] -= 100.0
+@pytest.mark.parametrize("back", [100.0, 10.0])
+def test_clock_that_is_set_back_begins_anew(channels, back):
+    """Also by less than the window, as of a sender that was started again."""
+    channels[3, 12_000:] -= back
     live = follow(channels, pieces=2)
+    assert "the times of samples went back before 12 s" in live.history["warnings"].iloc[6]
     assert live.history["window"].iloc[-1] == pytest.approx(12.0)
     assert live.history["time"].is_monotonic_increasing
 
