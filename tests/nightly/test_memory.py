@@ -15,7 +15,18 @@ TESTS = Path(__file__).parents[1]
 MOST = 500e6  # bytes of a job
 STEP = 5e6  # bytes by which a peak varies
 GROWTH = 4e3  # bytes for each trial: its attributes, and its places in temporary files; a signal of 4 s has 32,000
-FILLED, COUNT = 1000, 4000  # trials that fill the buffers of the job and of the libraries; all trials:
+# Trials that fill the buffers of the job and of the libraries, and how many there are.
+FILLED, COUNT = 1000, 4000
+
+
+IMPORTS = """
+import json, logging, sys
+from ankleloop.simulation.settings import SimulationSettings
+from ankleloop_workflow.jobs.identification import identify_trials, read_trials
+from ankleloop_workflow.jobs.simulation import simulate_trials
+from study_jobs import write_trials
+
+def largest_memory():
     with open("/proc/self/status") as file:
         (line,) = [line for line in file if line.startswith("VmHWM")]
     return 1024 * int(line.split()[1])
