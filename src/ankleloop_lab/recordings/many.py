@@ -16,7 +16,6 @@ from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.method import Method, Trial
 from ankleloop.methods.registry import DEFAULT, find_method, identify
 from ankleloop.methods.selection import check_selection
-from ankleloop.quantities import PARAMETERS
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import PathLike
 from ankleloop_lab.files.readers import read_trial
@@ -28,10 +27,15 @@ PATH = (str, os.PathLike)
 Item = Trial | PathLike | Sequence[Trial | PathLike]
 Labels = dict[str, Any]
 
-# Attributes that the library gives a trial: what was simulated, and how it was read.
-SIMULATED = {"seed", "integration_rate", "load_inertia", "load_viscosity", "load_stiffness"}
-READ = ("_variable", "_sign", "_unit", "_unit_of_file")  # ends of their names
-NO_LABELS = {"sampling_rate", *SIMULATED, *SimulationSettings.model_fields, *PARAMETERS}
+# Attributes that the library gives a trial: how it was read, by the ends of their names, and what was simulated.
+READ = ("sampling_rate", "_variable", "_sign", "_unit", "_unit_of_file")
+SIMULATED = {
+    "seed",
+    "load_inertia",
+    "load_viscosity",
+    "load_stiffness",
+    *SimulationSettings.model_fields,
+}
 
 
 def identify_each(
@@ -66,10 +70,10 @@ def identify_each(
     -------
     pandas.DataFrame
         `recording`, a number from 1; the labels of the trial, from its attributes and the name of its file, where
-        trials that are merged have them alike; how many `trials` are merged; the `method`; its parameters with the ends
-        of their 95 % intervals (such as `K`, `K_low`, `K_high`) and its diagnostics; `warnings`, and whether it is
-        `trusted`, which an estimate with a warning about the fit is not. Where a trial is refused, `refused` has the
-        reason, and the parameters are missing.
+        trials that are merged have them alike, a label with the name of another column as `NAME_label`; how many
+        `trials` are merged; the `method`; its parameters with the ends of their 95 % intervals (such as `K`, `K_low`,
+        `K_high`) and its diagnostics; `warnings`, and whether it is `trusted`, which an estimate with a warning about
+        the fit is not. Where a trial is refused, `refused` has the reason, and the parameters are missing.
 
     Raises
     ------
@@ -99,8 +103,6 @@ def identify_each(
     if not groups or not all(groups):
         raise DataError("there are no trials to identify.")
     labels = [_label_group(group, names) for group in groups]
-    table = pd.DataFrame(labels, index=range(1, len(groups) + 1))
-    table["trials"] = [len(group) for group in groups]
     _check_options(method, options)
     identify_one = partial(_identify_group, method=method, options=options)
     found = map(identify_one, groups) if jobs == 1 else run_each(identify_one, groups, jobs)
@@ -109,9 +111,12 @@ def identify_each(
         rows.append(row)
         if progress:
             print(f"trial {number} of {len(groups)}", file=sys.stderr)
-    results = pd.DataFrame(rows, index=table.index)
-    table = table.drop(columns=["recording", *results], errors="ignore").join(results)
-    return table.rename_axis("recording").reset_index()
+    results = pd.DataFrame(rows)
+    results.insert(0, "trials", [len(group) for group in groups])
+    own = {name: f"{name}_label" for name in ("recording", *results)}
+    table = pd.DataFrame(labels, index=results.index).rename(columns=own).join(results)
+    table.insert(0, "recording", range(1, len(groups) + 1))
+    return table
 
 
 def _check_options(method: str | Method | None, options: Mapping[str, Any]) -> None:
@@ -138,11 +143,12 @@ def _label(part: Any, names: str | None) -> Labels:
     if isinstance(part, PATH):
         labels: Labels = {"source": os.fspath(part)}
     else:
-        trial = part.trial if isinstance(part, PreparedTrial) else part
+        attributes = part.trial.attrs if isinstance(part, PreparedTrial) else part.attrs
+        given = SIMULATED if "integration_rate" in attributes else set()
         labels = {
             str(name): value
-            for name, value in trial.attrs.items()
-            if name not in NO_LABELS and not str(name).endswith(READ)
+            for name, value in attributes.items()
+            if name not in given and not str(name).endswith(READ)
         }
     if names and "source" in labels:
         labels |= read_labels(labels["source"], names)

@@ -9,7 +9,7 @@ import sys
 import pandas as pd
 import pytest
 
-from ankleloop import DataError, identify, identify_each, simulate
+from ankleloop import DataError, identify, identify_each, new_trial, simulate
 from ankleloop.errors import ResourceError
 from ankleloop_lab.files.recording_files import write_recording
 from ankleloop_lab.recordings import processes
@@ -93,3 +93,21 @@ def test_results_are_in_order_and_errors_those_of_the_item(monkeypatch, is_forke
     killed = processes.run_each(os._exit, [signal.SIGKILL, signal.SIGKILL], 2)
     with pytest.raises(ResourceError, match="was killed: most often memory was short"):
         next(killed)
+
+
+def test_no_label_is_lost(trials):
+    """Names of settings are labels of a trial that was not simulated; those of results have another name."""
+    trial = trials[0]
+    recorded = new_trial(trial.position, trial.torque, 1000.0, trial.reference)
+    labels = {
+        "movement": "reach",
+        "voluntary": "20 %",
+        "order": "first",
+        "recording": "a",
+        "trials": 7,
+    }
+    table = identify_each([recorded.assign_attrs(labels)], "riv")
+    row = table.iloc[0]
+    assert (row["movement"], row["voluntary"]) == ("reach", "20 %")
+    assert (row["order_label"], row["recording_label"], row["trials_label"]) == ("first", "a", 7)
+    assert (row["order"], row["recording"], row["trials"]) == (2, 1, 1)
