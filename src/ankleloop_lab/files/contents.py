@@ -127,12 +127,19 @@ class Contents:
         return None
 
     def _find_trials(self, name: str) -> Variable | None:
-        """The first of the variables for which a name has a *, and how many there are; None if there is none."""
-        first = self.find(number_trial(name, 0))
-        if first is None:
-            return None
-        numbers = takewhile(lambda number: self.find(number_trial(name, number)), count(1))
-        return replace(first, name=name, count=1 + len(list(numbers)))
+        """The first of the variables for which a name has a *, and how many trials there are; None if there is none.
+
+        Those that lack it are counted: an empty cell hides none behind it, and is refused by its name.
+        """
+        start = name.partition("*")[0]
+        matches = [re.match(rf"{re.escape(start)}(\d+)", other) for other in self._by_name]
+        named = 1 + max((int(match[1]) for match in matches if match), default=-1)
+        # Rows of a matrix have no names of their own.
+        rows = takewhile(lambda number: self.find(number_trial(name, number)), count(named))
+        trials = named + len(list(rows))
+        variables = (self.find(number_trial(name, number)) for number in range(trials))
+        first = next(filter(None, variables), None)
+        return first and replace(first, name=name, count=trials)
 
     def open(self, name: str) -> Variable | None:
         """Variable of a full name, the first one of several, parts of a matrix aside; None if there is none."""

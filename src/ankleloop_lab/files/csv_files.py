@@ -52,10 +52,13 @@ class CsvContents(Contents):
             read = partial(np.asarray, cells)
             self.variables.append(Variable(name, cells.shape, read, {"units": unit}))
 
+    def _text(self) -> io.TextIOWrapper:
+        """The text of the file; what is none in it is no number either."""
+        return io.TextIOWrapper(io.BytesIO(self._content), self._encoding, "replace")
+
     def _lines(self) -> Iterator[tuple[int, str]]:
-        """Lines that are not empty, with their numbers; what is no text in them is no number either."""
-        text = io.TextIOWrapper(io.BytesIO(self._content), self._encoding, "replace")
-        return ((number, line) for number, line in enumerate(text, 1) if line.strip())
+        """Lines that are not empty, with their numbers."""
+        return ((number, line) for number, line in enumerate(self._text(), 1) if line.strip())
 
     def _find_names(self, lines: Sequence[tuple[int, str]]) -> list[str]:
         """Find delimiter and names of the table, by its first lines; the units of its columns, if a row has them.
@@ -113,11 +116,18 @@ class CsvContents(Contents):
     def _read(self, width: int) -> pd.DataFrame:
         """The cells below the names: numbers of a column, or objects where some are text."""
         names = range(max(width, len(self._names)))
+        text = self._text()
+        for _ in range(self._last_line):  # pandas would count what stands between quotes as one
+            next(text)
         table = pd.read_csv(
-            io.BytesIO(self._content), header=None, skiprows=self._last_line, names=names, index_col=False,
-            skipinitialspace=True, sep=self._delimiter, decimal=self._decimal, encoding=self._encoding,
-            encoding_errors="replace",
-        )  # fmt: skip
+            text,
+            header=None,
+            names=names,
+            index_col=False,
+            skipinitialspace=True,
+            sep=self._delimiter,
+            decimal=self._decimal,
+        )
         beyond = table.iloc[:, len(self._names) :].notna().any(axis=1)
         if beyond.any():
             raise DataError(

@@ -26,6 +26,11 @@ def test_ends_of_lines(tmp_path, end):
     np.testing.assert_allclose(values["position"], 0.01 * np.arange(50), atol=1e-12)
 
 
+def test_a_preamble_between_quotes_loses_no_sample(tmp_path):
+    values = columns(tmp_path, f'"recorded by\nsomebody"\n{HEADER}{ROWS}')
+    np.testing.assert_array_equal(values["torque"], np.arange(50.0) ** 2)
+
+
 def test_commas_at_the_ends_of_lines(tmp_path):
     for header, row in (("position,torque,", "1,2"), ("position,torque", "1,2,,")):
         assert columns(tmp_path, f"{header}\n{row}\n{row}\n")["torque"].tolist() == [2, 2]

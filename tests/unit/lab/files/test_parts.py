@@ -163,3 +163,23 @@ def test_a_single_number_is_no_channel(write, name):
             DataError, match=r"(no variable is called|has 1 sample|but position has 1)"
         ):
             read_trial(path, position=stated)
+
+
+@pytest.mark.parametrize("hole", [0, 1, 3])
+def test_an_empty_cell_hides_no_trial(tmp_path, hole):
+    """It is refused by its name, and those behind it are read."""
+    cells = np.empty(4, dtype=object)
+    for number in range(4):
+        cells[number] = {"pos": P, "tq": TQ}
+    cells[hole] = np.empty((0, 0))
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"trial": cells, "fs": RATE})
+    options = ReadingOptions(position="trial[*].pos", torque="trial[*].tq")
+    trials = list_trials(path, options)
+    assert len(trials) == 4
+    for number, trial in enumerate(trials):
+        if number == hole:
+            with pytest.raises(DataError, match=rf"no variable 'trial\[{hole}\].pos'"):
+                read_trial(path, **trial.channels)
+        else:
+            assert_signals(read_trial(path, **trial.channels))
