@@ -205,3 +205,13 @@ def test_movements_of_three_seconds_are_one_course_over_their_time():
         identify([*movements[:8], segment(movements[8], 0.0, 2.5)], "riv-tv")
     with pytest.raises(DataError, match=r"7 whole seconds of the 7 trials .* take more trials"):
         identify(movements[:7], "riv-tv")
+
+
+@pytest.mark.parametrize("duration", [0.9, 1.2])
+@pytest.mark.parametrize("rates", [(2000.0, 100.0), (1000.0, 200.0)])
+def test_trials_that_are_too_short_are_refused_in_words(duration, rates):
+    recording_rate, identification_rate = rates
+    long = simulate(seed=1, duration=30.0, recording_rate=recording_rate)
+    pieces = [segment(long, start, start + duration) for start in np.arange(0.0, 28.0, duration)]
+    with pytest.raises(DataError, match=r"too short|after the filters.* has to last .* s or more"):
+        identify(pieces, "riv", identification_rate=identification_rate)
