@@ -7,6 +7,7 @@ import scipy.io
 import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop_lab.files.contents import decode
 from ankleloop_lab.files.readers import read_trial
 
 RATE = 500.0
@@ -57,3 +58,18 @@ def test_times_without_unit_that_are_too_slow(tmp_path):
     ) as e:
         read_trial(tmp_path / "a.mat")
     assert e.value.remedy == {"sampling_rate": None}
+
+
+def test_a_missing_sample_is_one_as_it_is_stored(tmp_path):
+    """And not one whose scaled value is that of the marker."""
+    stored = np.round(P * 1000).astype(np.int16)
+    stored[[7, 8, 9]] = [14, 7, 14]
+    attributes = {"scale_factor": 0.5, "_FillValue": np.int16(14)}
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.update({"position": P, "torque": stored, "fs": RATE})
+        file["torque"].attrs.update(attributes)
+        numbers = decode(file["torque"][:], file["torque"].attrs)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(numbers)), np.flatnonzero(stored == 14))
+    assert numbers[8] == 3.5
+    assert 7.0 not in numbers  # it would be a scaled 14
+    assert np.isnan(numbers[7])

@@ -179,3 +179,14 @@ def test_bad_samples_are_refused():
         live.add(0.1, 1.0)
     with pytest.raises(DataError, match="torque has 2 samples but position has 1"):
         live.add(0.1, [1.0, 2.0], 0.1)
+
+
+def test_windows_that_are_not_full_are_never_enough(trial):
+    """Nor do their wider intervals count among those of most windows."""
+    channels = read_channels(trial)
+    assert not follow(channels[:, :18_000]).enough({"K": 10.0})
+    live = follow(channels[:, :22_000], every=0.5)
+    rows = live.history[live.history["window"] == 20.0]
+    assert len(rows) < len(live.history) / 4
+    shares = (rows["K_high"] - rows["K_low"]) / 2.0 / rows["K"]
+    assert live.enough({"K": 1.01 * shares.max()})

@@ -228,3 +228,11 @@ def test_needed_subjects_of_two_groups_have_the_power():
     draws = np.random.default_rng(1).normal(0.0, 10.0, (2, 4000, n))
     power = np.mean(stats.ttest_ind(draws[0] + 8.0, draws[1], axis=1).pvalue < 0.05)
     assert 0.78 < power < 0.82
+
+
+def test_the_size_to_show_is_of_those_who_are_compared(table):
+    """A subject of a single condition, however different, changes no number of subjects that are needed."""
+    expected = of_kind(compare(table), "difference")["needed"]
+    other = pd.DataFrame([{"subject": "z", "condition": "rest", "K": 5000.0}])
+    unpaired = of_kind(compare(pd.concat([table, other])), "difference")["needed"]
+    assert unpaired.to_dict() == expected.to_dict()

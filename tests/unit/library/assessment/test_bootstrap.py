@@ -8,7 +8,7 @@ import pytest
 from scipy import signal as sps
 
 from ankleloop import DataError, block_bootstrap, identify, simulate
-from ankleloop.assessment.bootstrap import Bootstrap
+from ankleloop.assessment.bootstrap import Bootstrap, _draw_blocks
 from ankleloop.joint.prepared import prepare
 from ankleloop.signals.vaf import vaf_with_interval
 
@@ -102,3 +102,14 @@ def test_an_interval_needs_a_sample_in_each_tail():
     assert Bootstrap(None, samples[:4], 0).intervals(level=0.5)["K"] == (0.75, 2.25)
     with pytest.raises(ValueError, match=r"level must be above 0 and below 1, got 1\.0"):
         Bootstrap(None, samples, 0).intervals(level=1.0)
+
+
+def test_blocks_come_from_all_of_the_residual():
+    """Every sample is drawn equally often, those at both ends as well."""
+    residual = np.arange(400.0)
+    rng = np.random.default_rng(1)
+    draws = [_draw_blocks(residual, 20, rng) for _ in range(2000)]
+    spans = [draw.max() - draw.min() for draw in draws]
+    assert np.mean(spans) > 0.9 * np.ptp(residual)
+    # Of blocks of a part of the residual the variance would be smaller.
+    assert np.mean([draw.var() for draw in draws]) == pytest.approx(residual.var(), rel=0.1)

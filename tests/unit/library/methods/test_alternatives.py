@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import signal
 
@@ -216,3 +217,14 @@ def test_a_threshold_is_no_turned_axis(options):
         assert estimate.warnings == []
         assert "G" not in estimate.reflex
         assert "which only" in estimate.diagnostics["missing"][0]
+
+
+def test_intervals_of_every_confidence_hold_what_the_model_lacks():
+    """As those of 95 %: an effect that the record shows is no matter of confidence."""
+    trial = simulate(seed=4, duration=50.0, reflex_threshold=0.2)
+    estimate = identify(trial, "riv")
+    shifted = estimate.stiffness["K"] * (1.0 + estimate.alternatives[0]["shifts"]["K"])
+    low, high = estimate.interval(0.5)["K"]
+    assert low <= shifted <= high
+    expected = pd.DataFrame(estimate.intervals)
+    pd.testing.assert_frame_equal(pd.DataFrame(estimate.interval(0.95)), expected)

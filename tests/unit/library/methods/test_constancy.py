@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ankleloop import DataError, identify, simulate
-from ankleloop.methods.riv.constancy import NAMES
+from ankleloop.methods.riv.constancy import NAMES, Constancy
 
 
 def change_torque(trial, change):
@@ -105,3 +105,18 @@ def test_a_passive_trial_is_told_in_units():
     texts = identify([*passive, simulate(seed=4, duration=20.0)], "riv").warnings
     assert texts[-1].startswith("trial 4 of 4 differs: G +1")
     assert " N·m·s/rad: " in texts[-1]
+
+
+def test_the_variance_between_trials_is_that_of_a_mean():
+    """Of n equal trials s²/n, with the standard deviation s that divides by n - 1."""
+    deviations = np.array([[1.0, -2.0, 4.0, -3.0]])
+    constancy = Constancy(
+        merged=True,
+        shares=np.full(4, 0.25),
+        influence=deviations,
+        deviations={},
+        errors={},
+        scores=np.zeros(4),
+        probability=0.0,
+    )
+    assert constancy.covariance.item() == pytest.approx(np.var(deviations, ddof=1) / 4)

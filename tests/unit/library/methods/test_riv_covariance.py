@@ -1,5 +1,7 @@
 """Intervals of `riv` where the model is incomplete."""
 
+import sys
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -122,3 +124,16 @@ def test_the_kind_is_an_option(kind):
     assert parameter_row(trial, estimate)["intervals"] == kind
     with pytest.raises(ValueError, match=r"^method 'riv': intervals must be one of"):
         identify(trial, "riv", intervals="exact")
+
+
+def test_what_drifts_over_the_record_widens_no_interval(monkeypatch):
+    """A record that is repeated would drift again: the two slowest cosines are left out."""
+    solution = solve_trial(simulate(seed=1, duration=20.0))
+    expected, _ = robust_covariance(solution.point, solution.free)
+    scores = time_scores(solution.point)
+    phase = np.pi * (np.arange(scores.shape[1]) + 0.5) / scores.shape[1]
+    drift = scores.std(axis=1, keepdims=True) * (np.cos(phase) - np.cos(2.0 * phase))
+    module = sys.modules[robust_covariance.__module__]
+    monkeypatch.setattr(module, "time_scores", lambda point: scores + drift)
+    covariance, _ = robust_covariance(solution.point, solution.free)
+    np.testing.assert_allclose(covariance, expected, rtol=1e-6)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ankleloop.signals.spectra import Band, Bands, pass_band, smooth
+from ankleloop.signals.spectra import Band, Bands, pass_band, pass_bands, smooth
 
 
 def test_white_noise_has_the_density_of_its_variance():
@@ -67,3 +67,14 @@ def test_a_smoothed_periodogram_is_the_mean_of_those_of_equal_records():
     mean = np.mean([single.smooth(part, 1.0) for part in np.split(power, 3)], axis=0)
     np.testing.assert_allclose(equal.smooth(power, 1.0), np.tile(mean, 3))
     assert equal.smoothing_variance(1.0) == pytest.approx(single.smoothing_variance(1.0) / 3.0)
+
+
+def test_records_weigh_in_the_noise_as_they_are_long():
+    """A short quiet record beside a long loud one: the mean density is that of all samples."""
+    rng = np.random.default_rng(3)
+    quiet = rng.standard_normal(1000)
+    loud = 3.0 * rng.standard_normal(9000)
+    bands = pass_bands([1000, 9000], 100.0)
+    power = np.abs(bands.transform(np.concatenate([quiet, loud]))) ** 2
+    density = bands.average(power, 0.4)
+    assert density.mean() == pytest.approx((0.1 * 1.0 + 0.9 * 9.0) * 2 / 100.0, rel=0.1)
