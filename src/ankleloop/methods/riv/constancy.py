@@ -18,7 +18,9 @@ from ankleloop.signals.least_squares import solve_scaled
 NAMES = (*STIFFNESS, "G")
 NAMED = 3.0  # standard errors: a smaller deviation is not named
 LARGEST_RATIO = 10.0  # of two values: one over another that is nearly zero says nothing
-DIFFERENT = 0.01  # probability of deviations as large, if all trials had the same parameters
+# Probability of deviations as large, if all trials had the same parameters: chosen. Measured: where K varies by 3 %
+# between four trials, intervals hold the mean over all such trials in 72 of 100.
+DIFFERENT = 0.01
 LAG_ADVICE = (
     "samples were lost, or the clocks of position and torque differ: record both with one clock"
 )
