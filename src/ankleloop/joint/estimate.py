@@ -19,7 +19,7 @@ from ankleloop.joint.models import Model
 from ankleloop.joint.prepared import PreparedTrial, Trials, prepare_trials, sample_channel
 from ankleloop.joint.regressors import MEASURED, merge_torques, split_torques, torque_variable
 from ankleloop.joint.time_varying_course import Onsets, split_onsets
-from ankleloop.options import check_number
+from ankleloop.options import check_number, suggest_name
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.vaf import vaf
 from ankleloop.subspace.matrices import Matrices
@@ -101,7 +101,9 @@ class Estimate:
     >>> low, high = estimate.intervals["K"]
     >>> low < estimate.stiffness["K"] < high
     True
-    >>> list(estimate.torque)
+    >>> estimate["K"] == estimate.stiffness["K"]
+    True
+    >>> list(estimate.to_dataframe())
     ['net', 'intrinsic', 'reflex', 'measured']
     >>> estimate.model.ninputs, round(estimate.reflex["delay"], 2)
     (4, 0.04)
@@ -117,6 +119,50 @@ class Estimate:
     diagnostics: dict[str, Any] = field(default_factory=dict)
     predictor: Model | None = field(default=None, repr=False)
     trajectories: xr.Dataset | None = field(default=None, repr=False)
+
+    def __getitem__(self, name: str) -> float:
+        """Value of a parameter, such as ``estimate["K"]``, by the names of `params`."""
+        values = {**self.stiffness, **self.reflex}
+        if name not in values:
+            known = ", ".join(values)
+            raise KeyError(f"there is no {name!r}{suggest_name(name, values)}; there are {known}.")
+        return values[name]
+
+    @property
+    def params(self) -> pd.DataFrame:
+        """The parameters as a table.
+
+        A row for each by its name, with `value`, `standard_error`, the ends `low` and `high` of its 95 % interval (nan
+        where the method gives none), and `unit`.
+        """
+        values = {**self.stiffness, **self.reflex}
+        errors = self.standard_errors
+        no_interval = (np.nan, np.nan)
+        rows = {}
+        for name, quantity in QUANTITIES.items():
+            if name in values:
+                low, high = self.intervals.get(name, no_interval)
+                rows[name] = {
+                    "value": values[name],
+                    "standard_error": errors.get(name, np.nan),
+                    "low": low,
+                    "high": high,
+                    "unit": quantity.unit,
+                }
+        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
+
+    @property
+    def residual(self) -> xr.DataArray:
+        """Measured less net torque over time [N·m]."""
+        if MEASURED not in self.torque:
+            raise DataError(
+                "an estimate of a study holds no measured torque, so it has no residual: identify the trial."
+            )
+        return self.torque[MEASURED] - self.torque["net"]
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The torques [N·m] over time [s], as `torque`; those of merged trials with the number of their `trial`."""
+        return self.torque.to_dataframe()
 
     @property
     def matrices(self) -> Matrices | None:
@@ -208,6 +254,14 @@ class Estimate:
         return list(self.diagnostics.get("alternatives", ()))
 
     @property
+    def interval_remark(self) -> str:
+        """Why intervals reach further to one side, where they do: they hold the values with the likeliest effect."""
+        if not (self.intervals and self.alternatives):
+            return ""
+        effect = self.alternatives[0]["effect"]
+        return f"they reach to the values with {effect}, which the record shows and the model lacks"
+
+    @property
     def holds(self) -> str:
         """Where the parameters hold, "in open loop" for a method that torque that is fed back biases; else empty."""
         return str(self.diagnostics.get("holds", ""))
@@ -276,7 +330,7 @@ class Estimate:
         return vaf(join_centred(measured, inside), join_centred(estimated, inside))
 
     def summary(self) -> pd.DataFrame:
-        """The parameters as a table.
+        """The parameters as a table to read: that of `params` by their symbols.
 
         Returns
         -------
@@ -294,18 +348,11 @@ class Estimate:
         >>> list(table.index)
         ['K', 'B', 'I', 'G', 'ωn', 'ζ', 'delay']
         """
-        values = {**self.stiffness, **self.reflex}
-        no_interval = (float("nan"), float("nan"))
-        rows = {}
-        for name, quantity in QUANTITIES.items():
-            if name in values:
-                interval = self.intervals.get(name, no_interval)
-                rows[quantity.symbol] = (values[name], *interval, quantity.unit)
-        columns = ["value", "low", "high", "unit"]
-        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        symbols = {name: quantity.symbol for name, quantity in QUANTITIES.items()}
+        table = self.params.drop(columns="standard_error").rename(index=symbols)
         if self.holds:
             table["holds"] = self.holds
-        return table.rename_axis("parameter")
+        return table
 
     def plot(
         self,
@@ -412,6 +459,8 @@ class Estimate:
             between = self.diagnostics.get("intervals") == "between trials"
             mean = "all trials like these" if between else "these trials"
             lines.append(f"intervals: for the mean over {mean} ({trials})")
+        if self.interval_remark:
+            lines.append(f"intervals: {self.interval_remark}")
         correlated = self._list_correlated()
         if correlated:
             lines.append(f"correlated: {', '.join(correlated)}")

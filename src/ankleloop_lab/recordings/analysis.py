@@ -304,6 +304,7 @@ def _describe_estimate(
         "residual_related": test.related,
         "residual_related_p": test.related_p,
         **parameter_row(trials, shown),
+        "interval_remark": shown.interval_remark,
         "warnings": " ".join(warnings),
         "trusted": not warnings,
         "caution": " ".join(filter(None, [caution, *about_data])),

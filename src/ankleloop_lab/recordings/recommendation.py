@@ -154,6 +154,9 @@ def _prefer(rows: pd.DataFrame) -> pd.Series:
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
     """What speaks against too much trust in a method: change of the joint, caution, an incomplete model."""
     texts = []
+    remark = row.get("interval_remark")
+    if isinstance(remark, str) and remark:
+        texts.append(f"Intervals reach further to one side: {remark}")
     changing = list(_select_changing(valid)["label"])
     if row["label"] in changing:
         texts.append("This is the mean over the recording; the trajectories show the change")

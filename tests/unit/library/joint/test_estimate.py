@@ -1,9 +1,11 @@
 """The result of an identification."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ankleloop import evaluate, identify, simulate
+from ankleloop import DataError, evaluate, identify, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import TORQUES, torque_dataset
 
@@ -35,3 +37,25 @@ def test_the_measured_torque_stands_beside_the_estimated_ones():
         assert each.vaf_net == pytest.approx(scores["net", "measured"], abs=1e-9)
         assert f"net VAF: {each.vaf_net:.1f} %; reflex delay: estimated" in repr(each)
     assert make_estimate().vaf_net is None
+
+
+def test_values_tables_and_residual_of_an_estimate():
+    trial = simulate(seed=1, duration=20.0)
+    estimate = identify(trial, "riv")
+    table = estimate.params
+    assert estimate["K"] == estimate.stiffness["K"] == table.value["K"]
+    assert estimate["omega_n"] == estimate.reflex["omega_n"]
+    np.testing.assert_array_equal(table.low, [estimate.intervals[name][0] for name in table.index])
+    linear = table.loc[["K", "B", "I", "G"]]
+    np.testing.assert_allclose(linear.high - linear.value, 1.96 * linear.standard_error, rtol=1e-3)
+    assert table.unit["B"] == "N·m·s/rad"
+    with pytest.raises(KeyError, match=r"no 'omega' \(did you mean 'omega_n'\?\); there are K, B"):
+        estimate["omega"]
+    torques = estimate.to_dataframe()
+    assert torques.index.name == "time"
+    np.testing.assert_array_equal(estimate.residual, torques.measured - torques.net)
+    cascade = identify(trial, "parallel-cascade").params
+    assert cascade[["standard_error", "low", "high"]].isna().all(axis=None)
+    stored = replace(estimate, torque=estimate.torque.drop_vars("measured"))
+    with pytest.raises(DataError, match="an estimate of a study holds no measured torque"):
+        _ = stored.residual

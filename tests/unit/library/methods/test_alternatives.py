@@ -228,3 +228,5 @@ def test_intervals_of_every_confidence_hold_what_the_model_lacks():
     assert low <= shifted <= high
     expected = pd.DataFrame(estimate.intervals)
     pd.testing.assert_frame_equal(pd.DataFrame(estimate.interval(0.95)), expected)
+    assert "intervals: they reach to the values with a crosstalk" in repr(estimate)
+    assert identify(simulate(seed=4, duration=20.0), "riv").interval_remark == ""
