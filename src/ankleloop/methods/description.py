@@ -38,16 +38,24 @@ INTERVALS = {
 def describe_methods(estimate: Estimate) -> str:
     """A paragraph that says how an estimate was made."""
     diagnostics = estimate.diagnostics
-    name, source = SOURCES.get(estimate.method, (estimate.method, "its own package"))
+    method = f"the method {estimate.method} of another package"
+    if estimate.method in SOURCES:
+        name, source = SOURCES[estimate.method]
+        method = f"{name} ({source})"
     rate = estimate.torque.attrs["identification_rate"]
     trials = len(split_torques(estimate.torque))
     records = f"{trials} merged trials" if trials > 1 else "one trial"
-    delay = "estimated" if "delay" in estimate.intervals else "assumed"
+    has_reflex = bool(estimate.torque["reflex"].any())
+    paths = "Intrinsic and reflex stiffness were" if has_reflex else "Intrinsic stiffness was"
     sentences = [
-        f"Intrinsic and reflex stiffness were estimated by {name} ({source}) from {records}, "
+        f"{paths} estimated by {method} from {records}, "
         f"{estimate.torque.sizes['time'] / rate:.0f} s after filters, at {rate:g} Hz.",
-        f"The reflex delay was {delay} ({1000 * estimate.reflex['delay']:.0f} ms).",
     ]
+    if has_reflex:
+        delay = "estimated" if "delay" in estimate.intervals else "assumed"
+        sentences.append(
+            f"The reflex delay was {delay} ({1000 * estimate.reflex['delay']:.0f} ms)."
+        )
     if "reference" in diagnostics:
         sentences.append(f"Instruments were made of the variable {diagnostics['reference']}.")
     kind = diagnostics.get("intervals")

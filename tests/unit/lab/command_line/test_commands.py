@@ -1,6 +1,7 @@
 """The command: help, exit statuses, messages, colours."""
 
 import pickle
+import re
 import subprocess
 import sys
 import warnings
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 import ankleloop
 from ankleloop.errors import ResourceError
 from ankleloop_lab.command_line.check import check
+from ankleloop_lab.command_line.identify import CHOICE
 from ankleloop_lab.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE
 from ankleloop_lab.command_line.terminal import correct, name_option, show_correction
 
@@ -28,6 +30,12 @@ def test_help_imports_nothing_that_takes_time():
         [sys.executable, "-c", MODULES], capture_output=True, text=True, check=True
     )
     assert process.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_help_of_identify_names_every_method_that_is_offered():
+    """It is written there, because the list of methods takes time to import."""
+    offered = {name for name, method in ankleloop.METHODS.items() if method.offer}
+    assert offered <= set(re.split(r"[ ,(]+", CHOICE))
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,11 @@
 """What an estimate says of itself: parameters, what is missing, what is assumed; and which method is the default."""
 
+from dataclasses import replace
+
 import pytest
 
-from ankleloop import DataError, identify, simulate
+from ankleloop import METHODS, DataError, identify, simulate
+from ankleloop.methods.description import SOURCES
 
 
 @pytest.mark.parametrize("method", ["pr-moesp", "eiv-moesp", "po-moesp", "pi-moesp", "moesp"])
@@ -55,3 +58,22 @@ def test_assumptions_are_said_and_are_no_warnings(noisy, method, options, texts)
     for assumption, text in zip(assumptions, texts, strict=True):
         assert assumption.startswith(text)
         assert assumption not in estimate.diagnostics["warnings"]
+
+
+def test_every_method_has_its_source():
+    for name in METHODS:
+        assert name in SOURCES
+
+
+def test_what_is_said_of_a_method_of_another_package(noisy):
+    """It has no source here, and without a reflex torque no delay was assumed."""
+    estimate = identify(noisy, "riv")
+    intrinsic = estimate.torque.intrinsic
+    torque = estimate.torque.assign(reflex=0.0 * intrinsic, net=intrinsic)
+    text = replace(estimate, method="stiffness", torque=torque).methods_text()
+    assert text.startswith(
+        "Intrinsic stiffness was estimated by the method stiffness of another package from one trial"
+    )
+    assert "delay" not in text
+    assert "reflex stiffness were estimated by refined" in estimate.methods_text()
+    assert "The reflex delay was " in estimate.methods_text()
