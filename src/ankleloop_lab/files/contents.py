@@ -1,7 +1,7 @@
 """The contents of an open file: its variables, their parts and attributes, and their samples as numbers.
 
-There is one rule for all files. A container (CSV, MATLAB, HDF5, NetCDF, FLB) is a class of `Contents`, chosen by the
-suffix in `reading_process`. Damaged files can kill or halt the process that opens them, so the one that is
+There is one rule for all files. A container, of a format, is a class of `Contents`, chosen by the suffix in
+`reading_process`. Damaged files can kill or halt the process that opens them, so the one that is
 started there does, and no other.
 
 A part of a variable has a name of its own: `data[:, 2]` is a column of a matrix, `trial[2].pos` a field of an element

@@ -18,6 +18,7 @@ from ankleloop.options import option, show_value
 from ankleloop.trials.files import PathLike
 from ankleloop_lab.checking import ConfigError, cast_number, check, find_kind, read_rows
 from ankleloop_lab.files.reading_options import ReadingOptions, list_trials
+from ankleloop_lab.files.reading_process import CONTAINERS
 from ankleloop_lab.recordings.labels import GROUPS
 
 MAX_NAME = 100  # characters: names are parts of the names of files, which have at most 255 bytes
@@ -28,7 +29,7 @@ class Recording(ReadingOptions):
     """A recording: its file, how it is read, and which part of it is used."""
 
     file: str = option(
-        description="file below the folder of the study (.csv, .csv.gz, .txt, .tsv, .mat, .h5, .nc, .flb)",
+        description=f"file below the folder of the study ({', '.join(CONTAINERS)})",
         min_length=1,
     )
     subject: str = option("", "subject; groups the figures")

@@ -16,6 +16,7 @@ from ankleloop_lab.command_line.check import check
 from ankleloop_lab.command_line.identify import CHOICE
 from ankleloop_lab.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE
 from ankleloop_lab.command_line.terminal import correct, name_option, show_correction
+from ankleloop_lab.files.reading_process import CONTAINERS
 
 MODULES = """
 import sys
@@ -30,6 +31,10 @@ def test_help_imports_nothing_that_takes_time():
         [sys.executable, "-c", MODULES], capture_output=True, text=True, check=True
     )
     assert process.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_help_of_check_names_every_suffix():
+    assert set(CONTAINERS) <= set(re.split(r"[ ,()]+", check.help))
 
 
 def test_the_help_of_identify_names_every_method_that_is_offered():
