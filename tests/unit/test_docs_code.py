@@ -90,11 +90,10 @@ BEFORE = {
 }
 
 
-# tests/nightly installs the method of that page, and runs its study.
+# tests/nightly runs the study of the first page with its method, tests/integration the notebook of the other.
+METHOD, NOTEBOOK = "docs/tutorials/add-a-method.md", "docs/how-to/own-notebook.md"
 YAML = [
-    block
-    for block in BLOCKS
-    if block.language == "yaml" and block.page != "docs/tutorials/add-a-method.md"
+    block for block in BLOCKS if block.language == "yaml" and block.page not in (METHOD, NOTEBOOK)
 ]
 
 
@@ -173,7 +172,9 @@ def run_python(block, names):
 
 # Pages whose code is hidden, and only draws, run with the site in tests/nightly.
 SHOWN = {
-    block.page for block in BLOCKS if block.language == "python" and block.tags != "remove-input"
+    block.page
+    for block in BLOCKS
+    if block.language == "python" and block.tags != "remove-input" and block.page != NOTEBOOK
 }
 
 

@@ -44,6 +44,20 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
     return executed
 
 
+def check_outputs(notebook: str, study: Mapping) -> None:
+    """Refuse a notebook that has not drawn all figures of its list, or has written no table."""
+    for name in study["figures"]:
+        if not Path(f"{study['figure_stem']}-{name}.png").exists():
+            raise ValueError(
+                f"{notebook} has not drawn the figure {name!r}, which notebooks/notebooks.yaml lists for it: call "
+                f"page.show_figure(figure, {name!r}, caption), or take it off the list."
+            )
+    if not Path(f"{study['table_stem']}.csv").exists():
+        raise ValueError(
+            f"{notebook} has written no table of the study: call page.show_table(cells, caption, table=table)."
+        )
+
+
 def export_outputs(notebook: nbformat.NotebookNode) -> str:
     """Texts and outputs of a notebook as HTML, without its code."""
     exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_anchor_links=True)
@@ -75,13 +89,15 @@ with running(snakemake):
     if figures:
         Path(figures).mkdir(parents=True, exist_ok=True)
     executed = execute(notebook, parameters)
+    study = parameters.get("study")
+    if study:
+        check_outputs(notebook, study)
     captions = find_captions(executed)
     if figures:
         write_captions(captions, Path(figures))
     body = export_outputs(executed)
     log.info("executed %s", notebook)
     # The article shows several studies, each of which has a page of its own in a folder.
-    study = parameters.get("study")
     if study:
         note, faults = "", ""  # pages of recordings have their own
         if "table_file" in study:

@@ -206,6 +206,6 @@ def save_figure(figure: Figure, stem: str | Path, *, overwrite: bool = False) ->
     for suffix in FILE_OPTIONS:
         with atomic_file(f"{stem}{suffix}", overwrite=overwrite) as partial:
             partial.write_bytes(render_figure(figure, DOTS_PER_INCH, suffix))
-    data = getattr(figure, "data", None)  # a figure of a user's notebook may have none
+    data = getattr(figure, "data", None)  # a figure of matplotlib has none
     if data is not None:
         write_csv(data, f"{stem}.csv", overwrite=overwrite)

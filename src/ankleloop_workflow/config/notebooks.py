@@ -73,7 +73,7 @@ class Notebook(Options):
         {}, "figures that are drawn where a study has what they show"
     )
     reads: list[Literal["trials", "estimates", "points", "ledger"]] = option(
-        [], "what it reads beside the table of all trials"
+        ["points"], "what it reads beside the table of all trials"
     )
     published: list[str] = option([], "tables of papers that it reads, in data/published")
     predictions: dict[Prediction, int] = option(

@@ -60,6 +60,11 @@ class StudyPage(SimpleNamespace):
     @cached_property
     def typical(self) -> str:
         """Point that figures of single trials show: one of those where that trial was identified, if there are any."""
+        if not self.points:
+            raise ValueError(
+                "the page shows settings of points, which its notebook does not read: add points to reads of the "
+                "notebook in notebooks/notebooks.yaml."
+            )
         details = self.details
         is_shown = (details["trial"] == self.figure["trial"]) & details["failure"].isna()
         names = set(details.loc[is_shown, "point"])
@@ -96,6 +101,11 @@ class StudyPage(SimpleNamespace):
         Without a note (None) nothing is.
         """
         self.check_figure(name)
+        if getattr(figure, "data", None) is None:
+            raise ValueError(
+                f"the figure {name!r} has no table of the numbers that it draws, which is written as CSV beside it: "
+                "set figure.data = table."
+            )
         save_figure(figure, f"{self.figure_stem}-{name}", overwrite=True)
         show_picture(f"{self.figure_stem}-{name}.png", caption, width)
         if note is not None:

@@ -90,6 +90,7 @@ def test_another_list_of_notebooks_is_read(tmp_path: Path):
     path = tmp_path / "notebooks.yaml"
     path.write_text("mine: {shows: What I look at., figures: {first: A figure.}}\n")
     mine = read_notebooks(path)
+    assert mine["mine"].reads == ["points"]
     config = {"kind": "simulation", "seed": 1, "notebook": "mine"}
     config |= {"methods": {"riv": {"method": "riv"}}}
     read_run({"studies": {"s": config}}, [], notebooks=mine)

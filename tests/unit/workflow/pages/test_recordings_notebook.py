@@ -62,6 +62,7 @@ def test_recordings_that_were_all_refused_have_a_page_and_a_figure(run_notebook)
     assert shown.startswith("2 recordings: 0 ok, 0 warning, 2 refused.")
     assert "A3 was refused:</b> torque: there is a gap" in shown
     assert (folder / "s-group.png").stat().st_size > 0
+    assert pd.read_csv(folder / "s-comparison.csv").empty
     assert pd.read_csv(folder / "s.csv")["recording"].tolist() == ["A2", "A3"]
 
 

@@ -4,6 +4,7 @@ import re
 
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop_workflow.pages.study_page import StudyPage
@@ -90,3 +91,16 @@ def test_a_figure_of_a_trial_that_failed_by_every_method_is_refused(page):
     ]
     with pytest.raises(ValueError, match="set another number as figure: trial"):
         page.select_estimates({"riv": {}, "pr": {1: "estimate"}}, ["riv", "pr"])
+
+
+def test_a_page_that_reads_no_points_says_what_to_add(page):
+    page.points = {}
+    with pytest.raises(
+        ValueError, match=r"add points to reads of the notebook in notebooks/notebooks\.yaml"
+    ):
+        page.show_table(pd.DataFrame(), "A table.", table=pd.DataFrame())
+
+
+def test_a_figure_without_numbers_says_how_to_give_them(page):
+    with pytest.raises(ValueError, match=r"'curves' has no table .*: set figure\.data = table"):
+        page.show_figure(Figure(), "curves", "Curves.")

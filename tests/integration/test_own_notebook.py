@@ -1,0 +1,64 @@
+"""The notebook of docs/how-to/own-notebook.md, made of the blocks of that page, in a copy of the repository."""
+
+import re
+from pathlib import Path
+
+import nbformat
+import nbformat.v4 as cells
+import pandas as pd
+import pytest
+
+pytestmark = pytest.mark.workflow
+
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "own-notebook.md"
+TEXT = PAGE.read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+(TITLE,) = [code for language, code in BLOCKS if language == "markdown"]
+PARAMETERS, IMPORTS, FIGURE, TABLE = [code for language, code in BLOCKS if language == "python"]
+ENTRY, CONFIG = [code for language, code in BLOCKS if language == "yaml"]
+METADATA = {"kernelspec": {"name": "python3", "language": "python", "display_name": "Python 3"}}
+
+
+@pytest.fixture(scope="module")
+def run_notebook(copy_repository, snakemake):
+    """Run the study of the page with a notebook of the title, the parameters, the imports and some more cells."""
+    repository = copy_repository()
+    with (repository / "notebooks" / "notebooks.yaml").open("a", encoding="utf-8") as file:
+        file.write(ENTRY)
+    (repository / "config" / "mine.yaml").write_text(CONFIG, encoding="utf-8")
+
+    def run(*more, **options):
+        code = [cells.new_code_cell(text) for text in (PARAMETERS, IMPORTS, *more)]
+        code[0].metadata["tags"] = ["parameters"]
+        notebook = cells.new_notebook(
+            cells=[cells.new_markdown_cell(TITLE), *code], metadata=METADATA
+        )
+        path = repository / "notebooks" / "gain.ipynb"
+        path.write_text(nbformat.writes(notebook), encoding="utf-8")
+        output = snakemake(repository, "--configfile", "config/mine.yaml", **options)
+        return output, repository / "results"
+
+    return run
+
+
+def test_figure_table_and_page(run_notebook):
+    _, results = run_notebook(FIGURE, TABLE)
+    for name in ("figures/mine-stiffness.png", "figures/mine-stiffness.pdf", "tables/mine.md"):
+        assert (results / name).stat().st_size > 0
+    drawn = pd.read_csv(results / "figures" / "mine-stiffness.csv")
+    table = pd.read_csv(results / "tables" / "mine.csv")
+    assert drawn["x"].tolist() == table["point.reflex_gain"].tolist() == [5.0, 13.0]
+    assert drawn["value"].tolist() == table["K_mean"].tolist()
+    page = (results / "reports" / "mine.html").read_text(encoding="utf-8")
+    for words in ("Stiffness over the reflex gain", "Mean K over the trials", "data:image/png"):
+        assert words in page
+
+
+def test_what_the_notebook_lacks_is_named(run_notebook):
+    output, _ = run_notebook(TABLE, check=False)
+    assert (
+        "gain.ipynb has not drawn the figure 'stiffness', which notebooks/notebooks.yaml" in output
+    )
+    output, _ = run_notebook(FIGURE, check=False)
+    assert "gain.ipynb has written no table of the study: call page.show_table(" in output
+    assert "MissingOutputException" not in output
