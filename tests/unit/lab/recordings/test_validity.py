@@ -1,6 +1,7 @@
 """One table says which method is valid in which loop; the check and the analysis go by it."""
 
 import pytest
+from method_options import list_one_pass
 
 from ankleloop import METHODS
 from ankleloop_lab.recordings.validity import describe_validity, reason_against, valid_methods
@@ -30,7 +31,7 @@ def test_open_loop_has_every_method_if_the_perturbation_decorrelates():
     methods = valid_methods("open", True, UNCORRELATED)
     assert set(methods) == set(METHODS)
     assert describe_validity(methods, "open", True, UNCORRELATED) == f"{', '.join(methods)}."
-    assert set(METHODS) - set(valid_methods("open", True, CORRELATED)) == {"real-time"}
+    assert set(METHODS) - set(valid_methods("open", True, CORRELATED)) == list_one_pass()
     assert "one after the other" in reason_against(
         "parallel-cascade", {"max_passes": 1}, "open", True, CORRELATED
     )

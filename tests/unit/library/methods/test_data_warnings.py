@@ -6,8 +6,6 @@ import pytest
 from ankleloop import METHODS, DataError, identify, new_trial, simulate
 from ankleloop.methods.method import Method
 
-WITH_REFERENCE = ("pr-moesp", "riv", "riv-tv")
-
 
 def change(trial, **channels):
     return trial.assign(
@@ -55,7 +53,8 @@ def test_every_method_has_the_warnings_of_its_data(trial, method):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_reference_that_says_nothing_is_refused_by_methods_that_use_it(trial, method, words):
     changed = REFERENCE_FAULTS[words](trial)
-    if method in WITH_REFERENCE:
+    options = METHODS[method].options()
+    if METHODS[method].reference(options) == "reference":
         with pytest.raises(DataError, match=words):
             identify(changed, method)
         assert identify(changed, method, reference="position").stiffness["K"] > 0
