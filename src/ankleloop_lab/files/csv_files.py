@@ -22,6 +22,7 @@ from ankleloop_lab.files.units import is_unit
 LAST_LINES = 100  # whose digits are compared
 FIRST_LINES = 1000  # in which the names and the first numbers are
 DELIMITERS = {";": "semicolons", "\t": "tabs", ",": "commas"}
+ANY_DELIMITER = "semicolons, tabs or commas"
 NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?inf|nan|n/?a|null", re.IGNORECASE)
 
 
@@ -73,9 +74,15 @@ class CsvContents(Contents):
         columns = numbers[self._delimiter]
         above = list(takewhile(lambda line: not self._has_numbers(line[1], columns), lines))
         if not above or len(above) == len(lines):
+            if len(_find_numbers(model.split())) > len(columns):
+                raise DataError(
+                    f"{self.path.name}: there are blanks between the numbers: write {ANY_DELIMITER} between them, and "
+                    "between the names above."
+                )
+            signs = DELIMITERS[self._delimiter] if columns else ANY_DELIMITER
             raise DataError(
-                f"{self.path.name}: there are no names above numbers with {DELIMITERS[self._delimiter]} between them: "
-                "write names into the line above the numbers, as time_s, angle_rad, torque_nm."
+                f"{self.path.name}: there are no names above numbers with {signs} between them: write names into the "
+                "line above the numbers, as time_s, angle_rad, torque_nm."
             )
         # Between commas they may be those of thousands.
         self._decimal = "," if "," in model and self._delimiter != "," else "."
