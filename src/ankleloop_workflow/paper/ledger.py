@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import yaml
@@ -54,7 +55,7 @@ LEDGER_COLUMNS = (
     "source",
 )
 
-Conclusions = Mapping[str, Mapping[str, str]]
+Conclusions = Mapping[str, Mapping[str, Any]]
 
 
 def verify(
@@ -105,11 +106,16 @@ def _check(case: Case) -> Row:
         return {"verdict": judgement.OPEN, "reason": str(missing)}
 
 
+def is_held(ledger: pd.DataFrame) -> pd.Series:
+    """Whether each row is reproduced, under stated conditions or without any."""
+    return ledger["verdict"].isin([judgement.REPRODUCED, judgement.CONDITIONAL])
+
+
 def count_held(ledger: pd.DataFrame) -> str:
     """How many numbers and claims of the paper hold, of those that can be decided."""
-    verdicts = ledger.loc[ledger["source"] == PAPER, "verdict"]
-    held = int(verdicts.isin([judgement.REPRODUCED, judgement.CONDITIONAL]).sum())
-    decided = held + int((verdicts == judgement.NOT_REPRODUCED).sum())
+    paper = ledger[ledger["source"] == PAPER]
+    held = int(is_held(paper).sum())
+    decided = held + int((paper["verdict"] == judgement.NOT_REPRODUCED).sum())
     return f"{held} of the {decided} numbers and claims of the paper that can be decided hold"
 
 
@@ -134,26 +140,37 @@ def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:
 
 
 def read_conclusions(path: PathLike) -> Conclusions:
-    """Conclusions that a person has written, by the claim that each rests on: its verdict, a sentence, a paragraph."""
+    """Conclusions that a person has written: the verdicts of the claims that each states, a sentence, a paragraph."""
     return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
 
 
 def conclude(
-    ledger: pd.DataFrame, conclusions: Conclusions, claim: str, part: str = "paragraph"
+    ledger: pd.DataFrame, conclusions: Conclusions, name: str, part: str = "paragraph"
 ) -> str:
-    """A conclusion with the numbers of the run; where the run has another verdict, that verdict and its reason."""
-    for row in ledger[ledger["id"] == claim].to_dict("records"):
-        if row["verdict"] == conclusions[claim]["verdict"]:
-            return conclusions[claim][part].format(**row, size=abs(row["ours"])).strip()
-        return f"**{row['statement']}: {row['verdict']} in this run.** {row['reason']}"
-    return ""
+    """A conclusion with the numbers of its first claim in the run, where all of its claims have their verdicts.
+
+    Elsewhere the first claim that has another verdict, with its reason; nothing where a claim is not part of the run.
+    """
+    conclusion = conclusions[name]
+    claims = conclusion["claims"]
+    rows = ledger[ledger["id"].isin(claims)].set_index("id", drop=False)
+    if len(rows) < len(claims):
+        return ""
+    for claim, verdict in claims.items():
+        row = rows.loc[claim]
+        if row["verdict"] != verdict:
+            return f"**{row['statement']}: {row['verdict']} in this run.** {row['reason']}"
+    first = rows.loc[next(iter(claims))]
+    table1 = ledger[ledger["id"].str.startswith("table1/")]
+    counts = {"held": int(is_held(table1).sum()), "numbers": len(table1)}
+    return conclusion[part].format(**first, **counts, size=abs(first["ours"])).strip()
 
 
 def summarise(ledger: pd.DataFrame, conclusions: Conclusions) -> list[str]:
     """The sentences that open the article and the index, of what the run has results of."""
     ledger = ledger[ledger["ours"].notna()]
-    claims = [claim for claim, conclusion in conclusions.items() if "sentence" in conclusion]
-    return [text for claim in claims if (text := conclude(ledger, conclusions, claim, "sentence"))]
+    names = [name for name, conclusion in conclusions.items() if "sentence" in conclusion]
+    return [text for name in names if (text := conclude(ledger, conclusions, name, "sentence"))]
 
 
 def tabulate_table1(ledger: pd.DataFrame) -> tuple[pd.DataFrame, dict[str, str]]:

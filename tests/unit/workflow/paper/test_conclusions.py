@@ -4,8 +4,14 @@ import pandas as pd
 import pytest
 from synthetic_results import PUBLISHED, build_ledger
 
-from ankleloop_workflow.paper.judgement import CONDITIONAL, NOT_REPRODUCED
-from ankleloop_workflow.paper.ledger import conclude, read_conclusions, summarise, tabulate_table1
+from ankleloop_workflow.paper.judgement import CONDITIONAL, NOT_REPRODUCED, OPEN
+from ankleloop_workflow.paper.ledger import (
+    VERDICTS,
+    conclude,
+    read_conclusions,
+    summarise,
+    tabulate_table1,
+)
 
 CONCLUSIONS = read_conclusions(PUBLISHED.parent / "conclusions.yaml")
 
@@ -15,31 +21,39 @@ def ledger():
     return build_ledger(spread=0.01).reset_index()
 
 
-def test_a_paragraph_stands_for_its_verdict_alone(ledger):
-    texts = {"pr-unbiased": {"verdict": CONDITIONAL, "paragraph": "K is off by {ours:.1f} %."}}
-    row = ledger.loc[ledger["id"] == "pr-unbiased"].iloc[0]
-    ledger = ledger.assign(
-        verdict=ledger["verdict"].mask(ledger["id"] == "pr-unbiased", CONDITIONAL)
-    )
-    assert conclude(ledger, texts, "pr-unbiased") == f"K is off by {row['ours']:.1f} %."
-    other = ledger.assign(verdict=NOT_REPRODUCED)
-    text = conclude(other, texts, "pr-unbiased")
-    assert text == f"**{row['statement']}: not reproduced in this run.** {row['reason']}"
-    assert conclude(ledger[ledger["id"] != "pr-unbiased"], texts, "pr-unbiased") == ""
+def test_a_paragraph_stands_where_all_of_its_claims_have_their_verdicts(ledger):
+    claims = {"pr-unbiased": CONDITIONAL, "riv-unbiased": NOT_REPRODUCED}
+    texts = {"k": {"claims": claims, "paragraph": "K is off by {ours:.1f} %."}}
+    ledger = ledger.assign(verdict=ledger["id"].map(claims))
+    rows = ledger.set_index("id")
+    assert conclude(ledger, texts, "k") == f"K is off by {rows['ours']['pr-unbiased']:.1f} %."
+    for claim in claims:
+        other = ledger.assign(verdict=ledger["verdict"].mask(ledger["id"] == claim, OPEN))
+        row = rows.loc[claim]
+        expected = f"**{row['statement']}: cannot be judged in this run.** {row['reason']}"
+        assert conclude(other, texts, "k") == expected
+        assert conclude(ledger[ledger["id"] != claim], texts, "k") == ""
 
 
-def test_the_opening_has_a_sentence_for_each_claim_of_the_run(ledger):
+def test_every_claim_of_a_conclusion_is_in_the_ledger(ledger):
+    claims = {claim for conclusion in CONCLUSIONS.values() for claim in conclusion["claims"]}
+    verdicts = {v for conclusion in CONCLUSIONS.values() for v in conclusion["claims"].values()}
+    assert claims <= set(ledger["id"])
+    assert verdicts <= set(VERDICTS)
+
+
+def test_the_opening_has_a_sentence_for_each_conclusion_of_the_run(ledger):
     judged = set(ledger.loc[ledger["ours"].notna(), "id"])  # not of settings that are drawn
-    sentences = [
-        claim
-        for claim, conclusion in CONCLUSIONS.items()
-        if "sentence" in conclusion and claim in judged
+    names = [
+        name
+        for name, conclusion in CONCLUSIONS.items()
+        if "sentence" in conclusion and judged >= set(conclusion["claims"])
     ]
-    assert 3 <= len(sentences) <= 5
-    assert len(summarise(ledger, CONCLUSIONS)) == len(sentences)
+    assert 3 <= len(names) <= 5
+    assert len(summarise(ledger, CONCLUSIONS)) == len(names)
+    first = next(iter(CONCLUSIONS[names[0]]["claims"]))
     assert (
-        summarise(ledger[ledger["id"] != sentences[0]], CONCLUSIONS)
-        == summarise(ledger, CONCLUSIONS)[1:]
+        summarise(ledger[ledger["id"] != first], CONCLUSIONS) == summarise(ledger, CONCLUSIONS)[1:]
     )
 
 
