@@ -9,7 +9,7 @@ from study_jobs import run_jobs, run_notebook
 
 from ankleloop_workflow.config.study import read_studies
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[2]
 # Points in the place of those of the configuration; fewer and shorter ones.
 SMALL = {
     "time-varying": [{"voluntary": 0.05, "duration": 16.8}, {"voluntary": 1.0, "duration": 14.0}],
