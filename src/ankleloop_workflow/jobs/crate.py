@@ -69,9 +69,11 @@ def write_crate(
     made = set(_list_files(results)) - {configuration, folder / METADATA}
     inputs = [add_file(configuration)]
     inputs += [entities[path] for path in _list_files([sources / PUBLISHED])]
-    for path in filter(Path.exists, map(Path, recordings)):
+    existing = filter(Path.exists, map(Path, recordings))
+    # Several recordings may be parts of one file, or copies of it.
+    for digest, path in {hash_file(path): path for path in existing}.items():
         properties = {"@type": "CreativeWork", **_describe_file(path, path.name)}
-        inputs.append(crate.add_jsonld({"@id": f"#{properties['sha256']}", **properties}))
+        inputs.append(crate.add_jsonld({"@id": f"#{digest}", **properties}))
     action = crate.add_action(
         workflow,
         "#run",

@@ -10,7 +10,9 @@ from markupsafe import Markup, escape
 
 from ankleloop_lab.pages.rendering import ENVIRONMENT, render_page, render_table, render_template
 from ankleloop_workflow.paper.ledger import (
+    FINDING,
     HOLDS,
+    PAPER,
     VERDICTS,
     Conclusions,
     count_held,
@@ -69,10 +71,11 @@ def render_table1(ledger: pd.DataFrame) -> Markup:
 
 
 def _describe_verdicts(ledger: pd.DataFrame) -> dict[str, object]:
-    """What holds, and the name, number, meaning and colour of each verdict."""
-    counts = ledger["verdict"].value_counts().reindex(list(VERDICTS), fill_value=0)
-    verdicts = list(zip(VERDICTS, counts, VERDICTS.values(), COLOURS, strict=True))
-    return {"held": count_held(ledger), "verdicts": verdicts}
+    """What holds, and each verdict with its numbers of claims of the paper and of findings, its meaning and colour."""
+    counts = pd.crosstab(ledger["verdict"], ledger["source"])
+    counts = counts.reindex(index=list(VERDICTS), columns=[PAPER, FINDING], fill_value=0)
+    columns = (VERDICTS, counts[PAPER], counts[FINDING], VERDICTS.values(), COLOURS)
+    return {"held": count_held(ledger), "verdicts": list(zip(*columns, strict=True))}
 
 
 def render_ledger(ledger: pd.DataFrame) -> str:

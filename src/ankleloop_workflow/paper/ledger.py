@@ -112,11 +112,15 @@ def is_held(ledger: pd.DataFrame) -> pd.Series:
 
 
 def count_held(ledger: pd.DataFrame) -> str:
-    """How many numbers and claims of the paper hold, of those that can be decided."""
+    """How many numbers and claims of the paper hold, of those that are decided, and why the others are not."""
     paper = ledger[ledger["source"] == PAPER]
     held = int(is_held(paper).sum())
     decided = held + int((paper["verdict"] == judgement.NOT_REPRODUCED).sum())
-    return f"{held} of the {decided} numbers and claims of the paper that can be decided hold"
+    text = f"{held} of the {decided} numbers and claims of the paper that are decided hold"
+    others = len(paper) - decided
+    if not others:
+        return text
+    return f"{text} (not decided: {others}, at the tolerance, open in this run, or such that no run decides)"
 
 
 def tabulate_ledger(ledger: pd.DataFrame) -> pd.DataFrame:

@@ -4,8 +4,16 @@ import pandas as pd
 import pytest
 from synthetic_results import PUBLISHED, build_ledger
 
-from ankleloop_workflow.paper.judgement import CONDITIONAL, NOT_REPRODUCED, OPEN
+from ankleloop_workflow.pages.index import render_ledger
+from ankleloop_workflow.paper.judgement import (
+    CONDITIONAL,
+    NOT_REPRODUCED,
+    OPEN,
+    REPRODUCED,
+)
 from ankleloop_workflow.paper.ledger import (
+    FINDING,
+    PAPER,
     VERDICTS,
     conclude,
     read_conclusions,
@@ -65,3 +73,15 @@ def test_table_1_stands_as_the_paper_prints_it(ledger):
     assert set(verdicts) == set(cells.iloc[:, 1:].to_numpy().ravel())
     nothing = pd.DataFrame(ledger).assign(ours=float("nan"))
     assert tabulate_table1(nothing)[0]["net [% VAF]"].iloc[0] == "92 → –"
+
+
+def test_claims_of_the_paper_and_our_findings_are_counted_apart(ledger):
+    ledger = ledger.assign(verdict=REPRODUCED)
+    ledger.loc[ledger.index[0], "verdict"] = OPEN
+    page = render_ledger(ledger)
+    claims = int((ledger["source"] == PAPER).sum()) - 1
+    findings = int((ledger["source"] == FINDING).sum())
+    assert f"<b>{claims}</b> reproduced" in page
+    assert f"and {findings} of our own findings" in page
+    assert f"{claims} of the {claims} numbers and claims of the paper that are decided hold" in page
+    assert "(not decided: 1, at the tolerance, open in this run" in page
