@@ -9,6 +9,7 @@ from ankleloop_lab.checking import ConfigError
 from ankleloop_workflow.config.notebooks import list_figures, read_notebooks
 from ankleloop_workflow.jobs.fingerprint import fingerprint
 from ankleloop_workflow.config.run import (
+    complete_config,
     describe_article,
     read_run,
     report_parameters,

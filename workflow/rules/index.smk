@@ -30,7 +30,7 @@ rule index:
         "../envs/ankleloop.yaml"
     threads: 1
     params:
-        configuration=CONFIG.model_dump(mode="json", by_alias=True),
+        configuration=complete_config(CONFIG, STUDIES),
         repository=lambda wildcards: str(ROOT),
         studies=[study.describe() for study in RUN],
         recordings=[

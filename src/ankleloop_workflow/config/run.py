@@ -43,6 +43,30 @@ def read_run(
     return checked, studies
 
 
+def complete_config(config: Config, studies: Mapping[str, Study]) -> Values:
+    """The configuration with all defaults, which a run can read again.
+
+    Without those of what a study does not use: options that are selected, that differ between its points or follow
+    from the sampling rate; pictures of a sweep, and a window that its trials may not have.
+    """
+    values = config.model_dump(mode="json", by_alias=True)
+    for name, study in studies.items():
+        written = values["studies"][name]
+        for part in {"figure", "sweep"} & written.keys():
+            del written[part]
+            if part in study.settings.model_fields_set:
+                written[part] = getattr(study.settings, part).model_dump(exclude_unset=True)
+        points = study.point_list if isinstance(study, SimulatedStudy) else ()
+        for key, method in study.methods.items():
+            varied = {option for point in points for option in point.options.get(key, {})}
+            kept = method.fixed_options.keys() - varied
+            options = written["methods"][key]["options"]
+            written["methods"][key]["options"] = {
+                option: options[option] for option in options if option in kept
+            }
+    return values
+
+
 def describe_article(config: Config) -> str:
     """Sentence that says why a run does not make the ledger and the article; empty if it does, or none is wanted."""
     missing = ", ".join(name for name in config.article if name not in config.run_names)

@@ -1,11 +1,14 @@
 """The configuration of a run is checked before its first job: paths, files of recordings, and all that it names."""
 
+import json
+
 import pytest
 import yaml
+from snakemake.utils import update_config
 
 from ankleloop_lab.checking import ConfigError
 from ankleloop_workflow.config.files import expand_path
-from ankleloop_workflow.config.run import describe_article, read_run
+from ankleloop_workflow.config.run import complete_config, describe_article, read_run
 from ankleloop_workflow.config.study import read_studies
 
 
@@ -67,3 +70,18 @@ def test_braces_in_the_name_of_a_file_are_named(recorded, tmp_path):
         ConfigError, match=r"the recording A1: Snakemake takes the braces of .*S\{1\}.csv"
     ):
         recorded(str(tmp_path), A1="S{1}.csv")
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "beyond.yaml"])
+def test_the_configuration_with_all_defaults_runs_again(read_config, name):
+    """As results/configuration.json: nothing in it is refused, and no study is another one."""
+    config = read_config("config.yaml")
+    update_config(config, read_config(name))
+    checked, studies = read_run(config, [])
+    written = json.loads(json.dumps(complete_config(checked, studies)))
+    assert written["studies"]["table1"]["simulation"]["stiffness"] == 150.0
+    again, others = read_run(written, [])
+    assert again == checked
+    assert [study.describe() for study in others.values()] == [
+        study.describe() for study in studies.values()
+    ]
