@@ -42,7 +42,7 @@ def run_notebook(tmp_path):
 def test_the_first_table_and_the_figure_have_the_recommended_methods(run_notebook):
     rows = [{**RIV, "recommended": True}, {**PR, "warnings": "no pole"}, REFUSED]
     shown, folder = run_notebook(*rows)
-    assert shown.startswith("2 recordings: 1 ok, 0 warning, 1 refused.")
+    assert "2 recordings: 1 ok, 0 warning, 1 refused." in shown
     first = shown.partition("</table>")[0]
     assert "150 (148 … 152)" in first
     assert "<td>PR" not in first
@@ -59,7 +59,7 @@ def test_the_first_table_and_the_figure_have_the_recommended_methods(run_noteboo
 @pytest.mark.usefixtures("coarse_pictures")
 def test_recordings_that_were_all_refused_have_a_page_and_a_figure(run_notebook):
     shown, folder = run_notebook(REFUSED, {**REFUSED, "recording": "A3"})
-    assert shown.startswith("2 recordings: 0 ok, 0 warning, 2 refused.")
+    assert "2 recordings: 0 ok, 0 warning, 2 refused." in shown
     assert "A3 was refused:</b> torque: there is a gap" in shown
     assert (folder / "s-group.png").stat().st_size > 0
     assert pd.read_csv(folder / "s-comparison.csv").empty
@@ -82,3 +82,7 @@ def test_the_page_answers_in_its_first_sentence(run_notebook):
     drawn = pd.read_csv(folder / "s-comparison.csv").set_index(["series", "x"])["value"]
     assert drawn["subject Bea", 1.0] == 160.0
     assert drawn["mean over subjects", 0.0] == pytest.approx(100.0)
+
+
+def test_the_title_of_the_study_is_its_heading(run_notebook):
+    assert "# S" in run_notebook({**RIV, "recommended": True})[0].splitlines()[0]
