@@ -1,12 +1,13 @@
 """Where the results of a run come from, as a Research Object Crate, and what it has made, for the page that lists them.
 
-Earlier runs may have left other files in the same folders: only those of the studies and of the jobs of the run count.
+Earlier runs may have left other files in the same folders: those of the studies and of the jobs of the run count, and
+pages of earlier runs are listed as such.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -76,6 +77,7 @@ def collect_results(
             for text, path in LINKS.items()
             if path not in left_out and (find(path) or path == METADATA)
         },
+        "earlier": _list_earlier(folder, set(table["study"]), left_out),
         "tables": list(
             filter(find, [f"tables/{name}.csv" for name in (*table["study"], "economy")])
         ),
@@ -92,6 +94,15 @@ def collect_results(
             "Made": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         },
     }
+
+
+def _list_earlier(folder: Path, studies: Set[str], left_out: Set[str]) -> dict[str, str]:
+    """Pages that earlier runs have left in the folder, by what they are."""
+    links = {text: path for text, path in LINKS.items() if path in left_out}
+    for page in sorted(folder.glob("reports/*.html")):
+        if page.stem not in studies:
+            links[f"Study {page.stem}"] = f"reports/{page.name}"
+    return {text: path for text, path in links.items() if (folder / path).exists()}
 
 
 def _format_cell(value: Any) -> str:

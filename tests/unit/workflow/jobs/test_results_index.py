@@ -92,8 +92,12 @@ def test_what_is_there_is_listed(folder):
     assert escape(HOSTILE) in render_index(results, None, {})
 
 
-def test_the_article_of_an_earlier_run_is_left_out(folder):
+def test_what_an_earlier_run_has_left_is_listed_as_such(folder):
     results = collect(folder, ledger=None)
     assert list(results["links"].values()) == ["configuration.json", "ro-crate-metadata.json"]
-    page = render_index(results, None, {})
-    assert "Ledger" not in page
+    earlier = ["article.html", "ledger.html", "reports/gone.html"]
+    assert list(results["earlier"].values()) == earlier
+    head, _, tail = render_index(results, None, {}).partition("Of earlier runs")
+    for path in earlier:
+        assert f'href="{path}"' in tail
+        assert path not in head
