@@ -1,8 +1,8 @@
 """The library code behind the script of a job.
 
 Snakemake runs a job again when its script changes, not when a module that the script imports does. So each job carries
-a fingerprint as a parameter: it covers the modules of the library that the script reaches, and no others, and the
-versions of packages that register methods, if it reaches the registry.
+a fingerprint as a parameter: it covers the modules of the library that the script reaches, and no others, the versions
+of the packages that compute, and those of packages that register methods, if it reaches the registry.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ import json
 import re
 from collections.abc import Iterable
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 
 from ankleloop.methods.entry_points import list_packages
 from ankleloop.trials.files import PathLike
 
 PACKAGES = ("ankleloop", "ankleloop_lab", "ankleloop_workflow")
+COMPUTING = ("numpy", "scipy", "numba", "control")  # packages whose versions may change numbers
 LIBRARY = Path(__file__).parents[2]  # folder of the packages
 REGISTRY = LIBRARY / "ankleloop" / "methods" / "registry.py"
 # How an estimate is drawn and put into words changes no number: these imports of a module are not followed.
@@ -39,9 +41,12 @@ def fingerprint(*scripts: PathLike) -> str:
     """Hash of all library files that scripts or notebooks reach, directly or through other modules.
 
     A module is reached by an import, at the top or within a function. With it go the data folders beside it, those
-    without modules. Packages that register methods count by their versions, for scripts that reach the registry.
+    without modules. Packages that compute count by their versions, and those that register methods, for scripts that
+    reach the registry: the provenance of results, written at their end, then holds for all of them.
     """
     digest = hashlib.sha256()
+    for package in COMPUTING:
+        digest.update(f"{package} {version(package)}\n".encode())
     files = reached_files(*scripts)
     for path in sorted(files):
         digest.update(f"{path.relative_to(LIBRARY)} {hash_file(path)}\n".encode())

@@ -1,6 +1,7 @@
 """Fingerprints follow imports, however they are written, and package data."""
 
 import json
+from importlib import metadata
 
 import pytest
 
@@ -91,3 +92,15 @@ def test_how_an_estimate_is_drawn_changes_no_number():
     assert "ankleloop_workflow/tables/outcomes.py" in reached
     assert not any("plotting" in path or path.startswith("ankleloop_lab/files") for path in reached)
     assert "ankleloop/methods/description.py" not in reached
+
+
+@pytest.mark.parametrize("package", ["numpy", "scipy", "numba", "control"])
+def test_another_version_of_what_computes_makes_jobs_run_again(library, monkeypatch, package):
+    """Else new results would stand beside old ones, under one provenance."""
+    script = library("script.py", "import ankleloop.a")
+    before = fingerprint(script)
+    versions = {package: "0.0.1"}
+    monkeypatch.setattr(
+        module, "version", lambda name: versions.get(name) or metadata.version(name)
+    )
+    assert fingerprint(script) != before
