@@ -5,6 +5,9 @@ SHELL := /bin/bash
 .PHONY: all help setup test nightly beyond archive benchmark expected docs lint format package lock unlock clean
 
 CORES ?= 2
+# A configuration file of one's own: make CONFIG=mine.yaml, make archive CONFIG=mine.yaml.
+CONFIG :=
+GIVEN := $(if $(CONFIG),--configfile $(CONFIG))
 PYTHON ?= $(firstword $(shell command -v python3.11 python3 python))
 VENV := .venv
 BIN := $(VENV)/bin
@@ -23,13 +26,13 @@ STEPS := --quiet rules progress host
 SHORT := sed -u -E '/^(Select jobs to execute|Execute [0-9]+ jobs|Using |Conda env|Assuming |\[IPKernelApp\]|$$)/d'
 
 all: setup ## Set up what is missing, then reproduce the paper (a few minutes).
-	@set -o pipefail; snakemake --cores $(CORES) $(STEPS) 2>&1 | $(SHORT) || { $(LOCK_HINT); exit 1; }
+	@set -o pipefail; snakemake --cores $(CORES) $(STEPS) $(GIVEN) 2>&1 | $(SHORT) || { $(LOCK_HINT); exit 1; }
 	@echo "Open results/index.html"
 
 # The texts behind ##, one for each target.
 help: ## List the targets.
 	@awk -F ':.*## ' '/^[a-z][a-z-]*:.*## / { printf "make %-13s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
-	@echo 'CORES=4 sets the cores (default: 2), PYTHON=python3.12 the Python of a new environment, ARGS="-k name" what a test or a benchmark takes.'
+	@echo 'CORES=4 sets the cores (default: 2), CONFIG=mine.yaml runs a configuration of your own, PYTHON=python3.12 the Python of a new environment, ARGS="-k name" what a test or a benchmark takes.'
 
 unlock: setup ## After a run that was killed: take away its lock, so that make can go on; nothing is lost.
 	snakemake --cores 1 --unlock

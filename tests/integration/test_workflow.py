@@ -9,6 +9,8 @@ import pandas as pd
 import pytest
 import yaml
 
+from ankleloop_workflow.jobs.crate import pack_crate
+
 pytestmark = pytest.mark.workflow
 
 
@@ -234,3 +236,18 @@ def test_recordings_of_a_laboratory(reproduction):
     )
     assert exported[:3] == ["parallel-cascade.csv", "parallel-cascade.mat", "parallel-cascade.nc"]
     assert len(exported) == 12
+
+
+def test_the_archive_of_a_run_holds_all_that_runs_it_again(
+    reproduction, snakemake, laboratory, tmp_path
+):
+    archive = tmp_path / "results.zip"
+    pack_crate(reproduction / "results", archive)
+    assert archive.stat().st_size < 50e6
+    shutil.unpack_archive(archive, tmp_path / "received")
+    source = tmp_path / "received" / "source"
+    variables = {"ANKLELOOP_RECORDINGS": str(laboratory)}
+    text = snakemake(source, "--dry-run", "--configfile", "config/reduced.yaml", **variables)
+    jobs = count_jobs(text)
+    assert jobs["report table1"] == 1
+    assert jobs["article"] == jobs["index"] == 1

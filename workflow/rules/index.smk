@@ -31,6 +31,7 @@ rule index:
     threads: 1
     params:
         configuration=complete_config(CONFIG, STUDIES),
+        configurations=[os.path.abspath(path) for path in CONFIG_FILES],
         repository=lambda wildcards: str(ROOT),
         studies=[study.describe() for study in RUN],
         recordings=[

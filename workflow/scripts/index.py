@@ -47,5 +47,6 @@ with running(snakemake):
         Path(snakemake.params.repository),
         provenance,
         recordings=snakemake.params.recordings,
+        configurations=snakemake.params.configurations,
         results=[*snakemake.input.results, output.index, *[folder / path for path in linked]],
     )

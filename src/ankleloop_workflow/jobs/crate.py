@@ -21,8 +21,21 @@ from ankleloop_workflow.jobs.fingerprint import hash_file
 from ankleloop_workflow.jobs.results import METADATA, TITLE, describe_version
 
 LICENCE = "https://spdx.org/licenses/MIT"
-SOURCES = "source"  # folder of the crate with the workflow and what it read of its repository
-WORKFLOW = ("Snakefile", "workflow", "config", "data", "notebooks", "environment.lock")
+SOURCES = "source"  # folder of the crate with all that runs the workflow again
+WORKFLOW = (
+    "Snakefile",
+    "Makefile",
+    "README.md",
+    "LICENSE",
+    "pyproject.toml",
+    "environment.lock",
+    "workflow",
+    "config",
+    "data",
+    "notebooks",
+    "profiles",
+    "src",
+)
 PUBLISHED = "data/published"  # numbers and claims of the paper
 # Profiles of the crate, each an extension of those before it.
 PROFILES = {
@@ -38,10 +51,12 @@ def write_crate(
     provenance: Mapping[str, Any],
     recordings: Iterable[PathLike],
     results: Iterable[PathLike],
+    configurations: Iterable[PathLike] = (),
 ) -> None:
     """Write the metadata of a run beside its results, and copy the workflow of the repository there.
 
-    Recordings of a laboratory stay where they are; results are files, and folders of files.
+    With it go the configuration files that were given, into its folder of configurations. Recordings of a laboratory
+    stay where they are; results are files, and folders of files.
     """
     # Here: a package of the workflow, which the library does without.
     from rocrate.rocrate import ROCrate
@@ -54,6 +69,8 @@ def write_crate(
 
     sources = folder / SOURCES
     _copy_sources(repository, sources)
+    for path in configurations:
+        shutil.copy2(path, sources / "config")
     workflow = crate.add_workflow(
         sources / "Snakefile",
         f"{SOURCES}/Snakefile",
@@ -108,7 +125,7 @@ def write_crate(
 
 
 def _copy_sources(repository: Path, sources: Path) -> None:
-    """Copy the workflow and what it reads of its repository."""
+    """Copy the workflow, the library and what they read of the repository."""
     sources.mkdir(exist_ok=True)
     for name in WORKFLOW:
         origin = repository / name
