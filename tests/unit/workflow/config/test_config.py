@@ -73,7 +73,7 @@ TABLE1 = ("studies", "table1")
         (
             [*TABLE1, "notebook"],
             None,
-            "config: article: its studies are simulated and have a notebook",
+            "config → article: its studies are simulated and have a notebook",
         ),
         ([*TABLE1, "keep"], "scores", "article: .* 'table1': name it and set its keep: everything"),
     ],

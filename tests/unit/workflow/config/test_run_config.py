@@ -85,3 +85,13 @@ def test_the_configuration_with_all_defaults_runs_again(read_config, name):
     assert [study.describe() for study in others.values()] == [
         study.describe() for study in studies.values()
     ]
+
+
+@pytest.mark.parametrize("key", ["run", "article"])
+def test_a_study_that_is_not_there_is_named_with_its_line(tmp_path, key):
+    path = tmp_path / "mine.yaml"
+    study = {"kind": "simulation", "seed": 1, "notebook": None, "methods": {"a": {"method": "riv"}}}
+    path.write_text(f"studies: {json.dumps({'mine': study})}\n{key}: [mien]\n", encoding="utf-8")
+    config = yaml.safe_load(path.read_text(encoding="utf-8"))
+    with pytest.raises(ConfigError, match=rf"mine.yaml, line 2: config → {key}: .*no study 'mien'"):
+        read_run(config, [path])
