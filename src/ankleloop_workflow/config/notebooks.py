@@ -41,6 +41,7 @@ Need = Literal[
     "bound",
     "trajectory bound",
     "usual perturbation",
+    "complete point",
 ]
 Prediction = Literal["known delay", "unknown delay", "reference alone", "trajectories", "pilots"]
 TRUTHS = {SETTINGS[name] for name in ("K", "B", "I", "G")}
@@ -216,6 +217,10 @@ def find_needs(study: SimulatedStudy) -> dict[str, str]:
                 if settings["variation_shape"] != "square"
             ),
             "a bound of the trajectories at every point: set reflex_threshold: 0, and snr_db or voluntary",
+        ),
+        "complete point": (
+            any(point["antialias_cutoff"] and not point.get("omitted_step") for point in points),
+            "a point with all steps of the processing: antialias_cutoff, and omitted_step: null",
         ),
         "usual perturbation": (
             Counter(usual) == Counter(groups),

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.methods.moesp import OMITTED_STEPS, describe_omission
+from ankleloop.methods.registry import find_method
 from ankleloop.signals.vaf import confidence_margin
 from ankleloop.trials.files import atomic_file, write_csv
 from ankleloop_workflow.tables.means import COUNTS, count_outcomes, mean_scores, measure_statistics
@@ -153,10 +154,12 @@ def compare_with_bound(
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), on=keys)
 
 
-def tabulate_omissions(details: pd.DataFrame, points: Points, labels: Labels) -> pd.DataFrame:
+def tabulate_omissions(
+    details: pd.DataFrame, points: Points, labels: Labels, algorithms: Mapping[str, str]
+) -> pd.DataFrame:
     """Means over trials of each method with all steps of the processing and without each, with what that changes.
 
-    Points have the step that their estimates lack as `omitted_step`.
+    Points have the step that their estimates lack as `omitted_step`; a method without this option has no such rows.
     """
     keys = ["point", "method"]
     # The warning that a step is left out is none here.
@@ -175,8 +178,9 @@ def tabulate_omissions(details: pd.DataFrame, points: Points, labels: Labels) ->
             COMPLETE: complete,
             FILTER: _find_point(points, complete, antialias_cutoff=None),
         }
-        for step in OMITTED_STEPS:
-            changed[step.replace("-", " ")] = _find_point(points, complete, omitted_step=step)
+        if "omitted_step" in find_method(algorithms[method]).options.model_fields:
+            for step in OMITTED_STEPS:
+                changed[step.replace("-", " ")] = _find_point(points, complete, omitted_step=step)
         for label, point in changed.items():
             if (point, method) not in results:
                 continue

@@ -60,6 +60,14 @@ def test_a_point_that_has_no_bound_is_refused(settings, simulation, message):
         read(**settings, points=points, simulation=varying | simulation)
 
 
+def test_steps_are_compared_with_all_of_them():
+    """Else every job would run before the notebook has nothing to compare."""
+    methods = {"pr": {"method": "pr-moesp"}}
+    read(notebook="obstacles", methods=methods, points={"omitted_step": [None, "scaling"]})
+    with pytest.raises(ConfigError, match="obstacles needs a point with all steps"):
+        read(notebook="obstacles", methods=methods, points={"omitted_step": ["scaling"]})
+
+
 def test_steps_have_no_bound_and_need_none():
     simulation = {"variation": "cycle", "variation_shape": "square", "snr_db": None}
     read(**TIME_VARYING, points={"voluntary": [0.0, 0.5]}, simulation=simulation)

@@ -21,6 +21,7 @@ POINTS = {
     for name, step in {"": None, " without scaling": "scaling"}.items()
 }
 LABELS = {"pr": "PR-MOESP", "eiv": "EIV-MOESP"}
+ALGORITHMS = {"pr": "pr-moesp", "eiv": "eiv-moesp"}
 SCORES = {"net": "measured", "intrinsic": "true", "reflex": "true"}
 
 
@@ -60,7 +61,7 @@ def values_of(parameters, point, method):
 
 
 def test_rows_are_conditions_methods_and_steps(results):
-    table = tabulate_omissions(results, POINTS, LABELS)
+    table = tabulate_omissions(results, POINTS, LABELS, ALGORITHMS)
     scaling, filtering = "scaling", "anti-aliasing filter"
     assert table[["condition", "method", "omitted_step"]].values.tolist() == [
         *(["with noise", "PR-MOESP", step] for step in (COMPLETE, filtering, scaling)),
@@ -76,7 +77,7 @@ def test_rows_are_conditions_methods_and_steps(results):
 
 
 def test_costs_are_of_the_same_trials(results):
-    row = tabulate_omissions(results, POINTS, LABELS).iloc[2]
+    row = tabulate_omissions(results, POINTS, LABELS, ALGORITHMS).iloc[2]
     with_step, without = (
         values_of(results, point, "pr") for point in ("filter", "filter without scaling")
     )
@@ -91,7 +92,7 @@ def test_costs_are_of_the_same_trials(results):
 
 
 def test_the_filter_is_compared_between_other_trials(results):
-    table = tabulate_omissions(results, POINTS, LABELS)
+    table = tabulate_omissions(results, POINTS, LABELS, ALGORITHMS)
     complete, row = table.iloc[0], table.iloc[1]
     without = values_of(results, "no filter", "pr")
     assert row["K_mean"] == pytest.approx(without.mean())
@@ -99,3 +100,10 @@ def test_the_filter_is_compared_between_other_trials(results):
     interval = stats.ttest_rel(without, values_of(results, "filter", "pr")).confidence_interval()
     assert row["K_cost_margin"] == pytest.approx((interval.high - interval.low) / 2)
     assert (complete["K_cost"], complete["K_cost_margin"]) == (0.0, 0.0)
+
+
+def test_a_method_without_a_step_has_no_row_of_it(results):
+    """Nothing is left out there, and no change of nought is measured."""
+    table = tabulate_omissions(results, POINTS, LABELS, ALGORITHMS | {"eiv": "riv"})
+    steps = table[table["method"] == "EIV-MOESP"].groupby("condition", sort=False)["omitted_step"]
+    assert steps.agg(list).tolist() == [[COMPLETE, "anti-aliasing filter"], [COMPLETE]]
