@@ -124,12 +124,12 @@ CASES = {
         {},
         {
             "error": lambda _, __, method: (
-                5.01 if method in ("pr-moesp", "ordinary", "pr-chebyshev") else None
+                2.01 if method in ("pr-moesp", "ordinary", "pr-chebyshev") else None
             )
         },
     ),
     "pr-accurate-rectifier": limits(
-        {}, {"error": lambda _, __, method: -5.01 if "rectifier" in method else None}
+        {}, {"error": lambda _, __, method: -2.01 if "rectifier" in method else None}
     ),
     "similar": [
         (HOLDS, {}),
