@@ -76,7 +76,7 @@ def _import_module(name: str) -> ModuleType:  # noqa: C901 # a list
         case "cramer_rao" | "trajectory_bound":
             from ankleloop.assessment import cramer_rao as module
         case "read_trial":
-            from ankleloop_lab.files import readers as module
+            from ankleloop_lab.files import reading as module
         case "check_trial":
             from ankleloop_lab.recordings import checks as module
         case "identify_each":

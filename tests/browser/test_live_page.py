@@ -11,7 +11,7 @@ import pytest
 from conftest import WIDTHS
 
 from ankleloop import simulate
-from ankleloop_lab.files.recording_files import write_recording
+from ankleloop_lab.files.demo_files import write_recording
 
 WATCH = ["live", "growing.csv", "--memory", "10", "--width", "K=20%"]
 # Fits that are late leave windows out, the first full one, at 10 s, among them.

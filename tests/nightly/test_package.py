@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 
 import ankleloop
 from ankleloop import simulate
-from ankleloop_lab.files.recording_files import FILE_FORMATS, write_recording
+from ankleloop_lab.files.demo_files import FILE_FORMATS, write_recording
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = [path for path in (ROOT / "notebooks").iterdir() if path.is_file()]

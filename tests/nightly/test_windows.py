@@ -13,7 +13,7 @@ FOLDERS = f"{TESTS / 'without_posix'}{os.pathsep}{TESTS.parent / 'src'}"
 FILES = """
 import signal
 import ankleloop
-from ankleloop_lab.files.recording_files import write_recording
+from ankleloop_lab.files.demo_files import write_recording
 assert not hasattr(signal, "SIGKILL")
 simulated = ankleloop.simulate(seed=1, duration=12.0)
 write_recording(simulated, "Sa.csv", "csv")

@@ -66,7 +66,7 @@ def load_trial(path: PathLike) -> xr.Dataset:
     Parameters
     ----------
     path : str or pathlib.Path
-        The NetCDF file. Files of other origin are read by `ankleloop_lab.files.readers.read_trial`.
+        The NetCDF file. Files of other origin are read by `ankleloop_lab.files.reading.read_trial`.
 
     Returns
     -------

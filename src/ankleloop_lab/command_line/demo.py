@@ -75,7 +75,7 @@ def demo(
 
     from ankleloop.quantities import QUANTITIES
     from ankleloop.simulation.simulate import simulate
-    from ankleloop_lab.files.recording_files import FILE_FORMATS, write_recording
+    from ankleloop_lab.files.demo_files import FILE_FORMATS, write_recording
     from ankleloop_lab.recordings.recommendation import format_with_interval
 
     paths = {kind: output / f"demo-{kind}{suffix}" for kind, suffix in FILE_FORMATS.items()}

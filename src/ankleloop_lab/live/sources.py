@@ -21,7 +21,7 @@ from ankleloop.errors import DataError
 from ankleloop_lab.files.channels import TIME, read_channels
 from ankleloop_lab.files.contents import Contents, Variable
 from ankleloop_lab.files.csv_files import CsvContents
-from ankleloop_lab.files.readers import choose_rate, find_factors, settle_position_unit
+from ankleloop_lab.files.reading import choose_rate, find_factors, settle_position_unit
 from ankleloop_lab.files.reading_options import ReadingOptions
 
 STANDARD_INPUT = Path("-")

@@ -19,7 +19,7 @@ from ankleloop.joint.time_varying_course import make_course
 from ankleloop.methods.registry import find_method
 from ankleloop.trials.files import PathLike, write_csv
 from ankleloop.trials.trial import remove_drift, segment
-from ankleloop_lab.files.readers import read_trial
+from ankleloop_lab.files.reading import read_trial
 from ankleloop_lab.files.reading_options import ReadingOptions
 from ankleloop_lab.recordings.analysis import (
     Analysis,

@@ -18,7 +18,7 @@ from ankleloop.methods.registry import DEFAULT, find_method, identify
 from ankleloop.methods.selection import check_selection
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import PathLike
-from ankleloop_lab.files.readers import read_trial
+from ankleloop_lab.files.reading import read_trial
 from ankleloop_lab.recordings.analysis import describe_failure
 from ankleloop_lab.recordings.labels import read_labels
 from ankleloop_lab.recordings.processes import run_each

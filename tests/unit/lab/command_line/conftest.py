@@ -5,7 +5,7 @@ import pytest
 
 from ankleloop import simulate
 from ankleloop_lab.command_line.main import main
-from ankleloop_lab.files.recording_files import write_recording
+from ankleloop_lab.files.demo_files import write_recording
 
 
 @pytest.fixture

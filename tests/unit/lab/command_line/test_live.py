@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from ankleloop import identify, simulate
-from ankleloop_lab.files.recording_files import write_recording
+from ankleloop_lab.files.demo_files import write_recording
 
 
 @pytest.fixture

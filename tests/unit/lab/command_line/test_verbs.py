@@ -26,7 +26,7 @@ from ankleloop_lab.command_line.analysis import identify_recordings, plan_analys
 from ankleloop_lab.command_line.main import MISTAKE, main
 from ankleloop_lab.command_line.reading import map_file
 from ankleloop_lab.command_line.terminal import show_progress
-from ankleloop_lab.files.recording_files import write_recording
+from ankleloop_lab.files.demo_files import write_recording
 from ankleloop_lab.recordings.validity import usual_methods
 from ankleloop_workflow.config.files import check_config_file
 from ankleloop_workflow.config.run import read_run

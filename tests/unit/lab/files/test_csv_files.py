@@ -7,7 +7,7 @@ import pytest
 
 from ankleloop.errors import DataError
 from ankleloop_lab.files.csv_files import CsvContents
-from ankleloop_lab.files.readers import read_trial
+from ankleloop_lab.files.reading import read_trial
 
 HEADER = "position,torque,note\n"
 ROWS = "".join(f"{0.01 * k:.3f},{k * k:.2f},x\n" for k in range(50))

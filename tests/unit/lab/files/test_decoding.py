@@ -8,7 +8,7 @@ import xarray as xr
 
 from ankleloop.errors import DataError
 from ankleloop_lab.files.contents import decode
-from ankleloop_lab.files.readers import read_trial
+from ankleloop_lab.files.reading import read_trial
 
 RATE = 500.0
 P = 0.02 * np.sin(np.arange(300) / 10)

@@ -9,7 +9,7 @@ from scipy.io import savemat
 from scipy.io.matlab import MatlabObject
 
 from ankleloop.errors import DataError
-from ankleloop_lab.files.readers import read_trial
+from ankleloop_lab.files.reading import read_trial
 
 RATE = 500.0
 TIME = np.arange(300) / RATE

@@ -8,7 +8,7 @@ import xarray as xr
 from matio import save_to_mat
 
 from ankleloop.errors import DataError
-from ankleloop_lab.files.readers import read_trial
+from ankleloop_lab.files.reading import read_trial
 from ankleloop_lab.files.reading_options import ReadingOptions, list_trials
 
 RATE = 500.0

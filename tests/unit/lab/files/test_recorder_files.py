@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ankleloop.errors import DataError
-from ankleloop_lab.files.readers import read_trial
+from ankleloop_lab.files.reading import read_trial
 from ankleloop_lab.files.reading_process import process
 
 RATE = 500.0

@@ -11,7 +11,7 @@ import pytest
 
 from ankleloop import DataError, identify, identify_each, new_trial, simulate
 from ankleloop.errors import ResourceError
-from ankleloop_lab.files.recording_files import write_recording
+from ankleloop_lab.files.demo_files import write_recording
 from ankleloop_lab.recordings import processes
 
 SCRIPT = """

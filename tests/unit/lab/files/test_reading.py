@@ -12,7 +12,7 @@ import xarray as xr
 from ankleloop import identify, new_trial, save_trial, simulate
 from ankleloop.errors import DataError
 from ankleloop.trials.channels import TRUE_TORQUES
-from ankleloop_lab.files.readers import read_trial
+from ankleloop_lab.files.reading import read_trial
 
 RATE = 500.0
 T = np.arange(300) / RATE
