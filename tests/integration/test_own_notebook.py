@@ -1,5 +1,6 @@
 """The notebook of docs/how-to/own-notebook.md, made of the blocks of that page, in a copy of the repository."""
 
+import copy
 import re
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import nbformat
 import nbformat.v4 as cells
 import pandas as pd
 import pytest
+from nbclient import NotebookClient
 
 pytestmark = pytest.mark.workflow
 
@@ -52,6 +54,30 @@ def test_figure_table_and_page(run_notebook):
     page = (results / "reports" / "mine.html").read_text(encoding="utf-8")
     for words in ("Stiffness over the reflex gain", "Mean K over the trials", "data:image/png"):
         assert words in page
+
+
+def test_the_code_of_the_page_runs_from_its_folder(run_notebook):
+    """With the parameters of the run, and to the same outputs."""
+    _, results = run_notebook(FIGURE, TABLE)
+    assert 'href="../notebooks/mine.ipynb"' in (results / "reports" / "mine.html").read_text(
+        encoding="utf-8"
+    )
+    path = results / "notebooks" / "mine.ipynb"
+    executed = nbformat.read(path, as_version=4)
+    outputs = [cell.outputs for cell in executed.cells if cell.cell_type == "code"]
+    assert any(outputs)
+    again = copy.deepcopy(executed)
+    NotebookClient(again, resources={"metadata": {"path": str(path.parent)}}).execute()
+    tables = [
+        [
+            output.data["text/html"]
+            for output in cell.outputs
+            if "text/html" in output.get("data", {})
+        ]
+        for notebook in (executed, again)
+        for cell in notebook.cells[-1:]
+    ]
+    assert tables[0] == tables[1] != []
 
 
 def test_what_the_notebook_lacks_is_named(run_notebook):

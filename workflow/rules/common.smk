@@ -223,6 +223,7 @@ def targets():
                 paths.append(f"results/tables/{study.name}-trials.csv")
         if study.settings.notebook:
             paths += [f"results/reports/{study.name}.html", *figure_files(study)]
+            paths.append(f"results/notebooks/{study.name}.ipynb")
         elif isinstance(study, RecordedStudy):
             paths += chunk_files("scores", study)
     return [*paths, "results/article.html"] if ARTICLE else paths

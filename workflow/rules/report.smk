@@ -13,6 +13,7 @@ rule report:
         table=of_report("results/tables/{study}.csv", "table"),
         markdown="results/tables/{study}.md",
         figures=directory("results/rendered/{study}"),
+        code="results/notebooks/{study}.ipynb",
     log:
         "logs/report/{study}.log",
     benchmark:

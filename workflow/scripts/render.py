@@ -1,5 +1,6 @@
 """Run a notebook with parameters, and render it as one HTML page that needs no other files."""
 
+import copy
 import json
 import shutil
 import tempfile
@@ -15,6 +16,11 @@ from ankleloop.trials.files import atomic_file
 from ankleloop_lab.pages.rendering import find_captions, render_page
 from ankleloop_workflow.jobs.job import log, running
 from ankleloop_workflow.pages.study_page import StudyPage
+
+# Paths in the parameters of a notebook count from there.
+PLACE = """import os
+
+os.chdir("../..")  # where the workflow ran"""
 
 
 def check_parameters(notebook: str, parameters: Mapping) -> None:
@@ -58,6 +64,19 @@ def check_outputs(notebook: str, study: Mapping) -> None:
         )
 
 
+def write_executed(notebook: nbformat.NotebookNode, path: str) -> None:
+    """Write an executed notebook, which runs from its folder, without times: the same bytes for the same outputs."""
+    kept = copy.deepcopy(notebook)
+    kept.metadata.pop("papermill", None)
+    for cell in kept.cells:
+        cell.metadata.pop("papermill", None)
+        cell.metadata.pop("execution", None)
+    place = nbformat.v4.new_code_cell(PLACE, id="cell-place")
+    kept.cells.insert(0, place)
+    with atomic_file(path, overwrite=True) as partial:
+        nbformat.write(kept, partial)
+
+
 def export_outputs(notebook: nbformat.NotebookNode) -> str:
     """Texts and outputs of a notebook as HTML, without its code."""
     exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_anchor_links=True)
@@ -82,8 +101,8 @@ with running(snakemake):
     # Diagrams of the article.
     sources = snakemake.input.get("diagrams", ())
     copies = snakemake.output.get("diagrams", ())
-    for source, copy in zip(sources, copies, strict=True):
-        shutil.copyfile(source, copy)
+    for source, target in zip(sources, copies, strict=True):
+        shutil.copyfile(source, target)
     # A folder, which the notebook of a study fills.
     figures = snakemake.output.get("figures")
     if figures:
@@ -99,10 +118,13 @@ with running(snakemake):
     log.info("executed %s", notebook)
     # The article shows several studies, each of which has a page of its own in a folder.
     if study:
+        write_executed(executed, snakemake.output.code)
         note, faults = "", ""  # pages of recordings have their own
         if "table_file" in study:
             note, faults = StudyPage(**study).render_faults()
-        page = render_page(study["title"], body + faults, note=note, index="../index.html")
+        link = f'<p><a href="../notebooks/{study["study"]}.ipynb">The code of this page</a></p>'
+        body = f"{body}{faults}{link}"
+        page = render_page(study["title"], body, note=note, index="../index.html")
     else:
         page = render_page(parameters["title"], body, note="", index="index.html")
     report = next(path for path in snakemake.output if path.endswith(".html"))
