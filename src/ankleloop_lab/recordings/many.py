@@ -16,6 +16,7 @@ from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.method import Method, Trial
 from ankleloop.methods.registry import DEFAULT, find_method, identify
 from ankleloop.methods.selection import check_selection
+from ankleloop.quantities import PARAMETERS
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import PathLike
 from ankleloop_lab.files.reading import read_trial
@@ -27,8 +28,17 @@ PATH = (str, os.PathLike)
 Item = Trial | PathLike | Sequence[Trial | PathLike]
 Labels = dict[str, Any]
 
-# Attributes that the library gives a trial: how it was read, by the ends of their names, and what was simulated.
-READ = ("sampling_rate", "_variable", "_sign", "_unit", "_unit_of_file")
+# Attributes that the library gives a trial: how it was read, with `NAME_variable` of each channel, and what was
+# simulated.
+READ = {
+    "sampling_rate",
+    "position_sign",
+    "torque_sign",
+    "position_unit",
+    "position_unit_of_file",
+    "torque_unit_of_file",
+    "gaps",
+}
 SIMULATED = {
     "seed",
     "load_inertia",
@@ -70,10 +80,11 @@ def identify_each(
     -------
     pandas.DataFrame
         `recording`, a number from 1; the labels of the trial, from its attributes and the name of its file, where
-        trials that are merged have them alike, a label with the name of another column as `NAME_label`; how many
-        `trials` are merged; the `method`; its parameters with the ends of their 95 % intervals (such as `K`, `K_low`,
-        `K_high`) and its diagnostics; `warnings`, and whether it is `trusted`, which an estimate with a warning about
-        the fit is not. Where a trial is refused, `refused` has the reason, and the parameters are missing.
+        trials that are merged have them alike, a label with the name of a parameter or of another column as
+        `NAME_label`; how many `trials` are merged; the `method`; its parameters with the ends of their 95 % intervals
+        (such as `K`, `K_low`, `K_high`) and its diagnostics; `warnings`, and whether it is `trusted`, which an estimate
+        with a warning about the fit is not. Where a trial is refused, `refused` has the reason, and the parameters are
+        missing. Settings of a trial that `ankleloop.simulate` made are no labels.
 
     Raises
     ------
@@ -113,7 +124,7 @@ def identify_each(
             print(f"trial {number} of {len(groups)}", file=sys.stderr)
     results = pd.DataFrame(rows)
     results.insert(0, "trials", [len(group) for group in groups])
-    own = {name: f"{name}_label" for name in ("recording", *results)}
+    own = {name: f"{name}_label" for name in ("recording", *PARAMETERS, *results)}
     table = pd.DataFrame(labels, index=results.index).rename(columns=own).join(results)
     table.insert(0, "recording", range(1, len(groups) + 1))
     return table
@@ -143,13 +154,11 @@ def _label(part: Any, names: str | None) -> Labels:
     if isinstance(part, PATH):
         labels: Labels = {"source": os.fspath(part)}
     else:
-        attributes = part.trial.attrs if isinstance(part, PreparedTrial) else part.attrs
-        given = SIMULATED if "integration_rate" in attributes else set()
-        labels = {
-            str(name): value
-            for name, value in attributes.items()
-            if name not in given and not str(name).endswith(READ)
-        }
+        trial = part.trial if isinstance(part, PreparedTrial) else part
+        given = READ | {f"{name}_variable" for name in trial.variables}
+        if "integration_rate" in trial.attrs:
+            given |= SIMULATED
+        labels = {str(name): value for name, value in trial.attrs.items() if name not in given}
     if names and "source" in labels:
         labels |= read_labels(labels["source"], names)
     return labels

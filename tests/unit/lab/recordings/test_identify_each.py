@@ -111,3 +111,14 @@ def test_no_label_is_lost(trials):
     assert (row["movement"], row["voluntary"]) == ("reach", "20 %")
     assert (row["order_label"], row["recording_label"], row["trials_label"]) == ("first", "a", 7)
     assert (row["order"], row["recording"], row["trials"]) == (2, 1, 1)
+
+
+def test_a_label_may_end_as_an_attribute_of_reading(trials):
+    """And one that is called as a parameter stays a label where no trial has the parameter."""
+    trial = trials[0]
+    recorded = new_trial(trial.position, trial.torque, 1000.0, trial.reference, position_sign=-1)
+    labels = {"clinical_sign": "Babinski", "motor_unit": 3, "G": "stroke"}
+    table = identify_each([recorded.drop_vars("reference").assign_attrs(labels)], "riv")
+    row = table.iloc[0]
+    assert (row["clinical_sign"], row["motor_unit"], row["G_label"]) == ("Babinski", 3, "stroke")
+    assert not {"G", "position_sign", "sampling_rate"} & set(table)
