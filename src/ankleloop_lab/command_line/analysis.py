@@ -201,6 +201,9 @@ def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
         cells.insert(0, "loop", recommended["loop"])
         cells.insert(1, "recommended", recommended["label"])
         echo(f"\n{cells.set_index(recommended['recording']).rename_axis(None).to_string()}")
+        remarks = recommended.set_index("recording")["interval_remark"].dropna()
+        for name, remark in remarks[remarks != ""].items():
+            echo(f"{name}: intervals reach further to one side: {remark}")
     without = set(table["recording"]) - set(recommended["recording"])
     if without:
         echo(f"\nno recommendation: {', '.join(sorted(without))}")

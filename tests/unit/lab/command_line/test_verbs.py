@@ -572,3 +572,18 @@ def test_demo(run, tmp_path, monkeypatch):
         run("demo", "--output", folder, "--duration", "20", "--overwrite", "--no-open").status == 0
     )
     assert len(opened) == 1
+
+
+@pytest.mark.usefixtures("no_pages")
+def test_an_interval_that_reaches_further_to_one_side_says_why(run, tmp_path):
+    """Of one file and of several."""
+    effect = "intervals reach further to one side: they reach to the values with a crosstalk"
+    for name, threshold in {"a": 0.1, "b": 0.0}.items():
+        trial = simulate(seed=4, duration=50.0, reflex_threshold=threshold)
+        write_recording(trial, tmp_path / f"{name}.csv", "csv")
+    single = run("identify", tmp_path / "a.csv", "--method", "riv", "--output", tmp_path / "a")
+    assert f"I{effect[1:]}" in single.out
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    several = run("identify", *files, "--method", "riv", "--output", tmp_path / "both")
+    assert f"a: {effect}" in several.out
+    assert "b: intervals" not in several.out
