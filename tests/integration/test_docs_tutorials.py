@@ -26,7 +26,7 @@ def block(page, start, language="yaml"):
     return next(code for code in blocks if code.lstrip().startswith(start))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def repository(copy_repository):
     return copy_repository()
 
@@ -48,21 +48,20 @@ def test_first_sweep(repository, snakemake):
     assert stiffness["pr-moesp"].iloc[-1] < stiffness["pr-moesp"].iloc[0] - 40
 
 
-def install_method(code, folder):
-    """Install the package of the tutorial with some code into a folder, whose path jobs have."""
-    package = folder / "package"
-    package.mkdir(exist_ok=True)
-    (package / "stiffness.py").write_text(code, encoding="utf-8")
+def test_add_a_method(repository, snakemake, tmp_path):
+    """With the end of its file that the tutorial has at last, in a study and by the command."""
+    package, installed = tmp_path / "package", tmp_path / "installed"
+    package.mkdir()
+    code = block("add-a-method.md", "import numpy", language="{code-cell} python")
+    written, _, _ = code.rpartition("METHOD =")
+    offer = block(
+        "add-a-method.md", "from ankleloop.methods.method import Offer", "{code-cell} python"
+    )
+    (package / "stiffness.py").write_text(f"{written}{offer}", encoding="utf-8")
     project = block("add-a-method.md", "[build-system]", language="toml")
     (package / "pyproject.toml").write_text(project, encoding="utf-8")
-    options = ["--no-deps", "--no-build-isolation", "--upgrade", "--target", folder / "installed"]
-    subprocess.run([sys.executable, "-m", "pip", "install", *options, package], check=True)
-    return folder / "installed"
-
-
-def test_add_a_method(repository, snakemake, tmp_path):
-    code = block("add-a-method.md", "import numpy", language="{code-cell} python")
-    installed = install_method(code, tmp_path)
+    install = ["pip", "install", "--no-deps", "--no-build-isolation", "--target", installed]
+    subprocess.run([sys.executable, "-m", *install, package], check=True)
     (repository / "config" / "mine.yaml").write_text(
         block("add-a-method.md", "run: [simple]"), encoding="utf-8"
     )
@@ -73,20 +72,10 @@ def test_add_a_method(repository, snakemake, tmp_path):
     assert table["failure"].isna().all()
     assert stiffness.iloc[-1] > stiffness.iloc[0]  # it takes the torque of the reflex for stiffness
 
-
-def test_a_method_is_offered(tmp_path):
-    """With the end of its file that the tutorial has for this."""
-    code = block("add-a-method.md", "import numpy", language="{code-cell} python")
-    written, _, _ = code.rpartition("METHOD =")
-    offer = block(
-        "add-a-method.md", "from ankleloop.methods.method import Offer", "{code-cell} python"
-    )
-    installed = install_method(f"{written}{offer}", tmp_path)
     trial = simulate(seed=1, duration=30.0, closed_loop=False, reflex_gain=0.0)
     write_recording(trial, tmp_path / "S1.mat", "matlab-5")
     command = [sys.executable, "-m", "ankleloop", "identify", "S1.mat", "--method", "stiffness"]
-    environment = {**os.environ, "PYTHONPATH": str(installed)}
-    subprocess.run(command, cwd=tmp_path, env=environment, check=True)
-    table = pd.read_csv(tmp_path / "S1.mat-results" / "S1-parameters.csv")
-    assert table.loc[table["label"] == "Stiffness without a reflex", "K"].between(145, 155).all()
-    assert len(table) == 1
+    subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths}, check=True)
+    (row,) = pd.read_csv(tmp_path / "S1.mat-results" / "S1-parameters.csv").to_dict("records")
+    assert row["label"] == "Stiffness without a reflex"
+    assert 145.0 < row["K"] < 155.0
