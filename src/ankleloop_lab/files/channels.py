@@ -162,7 +162,13 @@ def read_channels(
 
 
 def _check_channels(contents: Contents, channels: Mapping[str, Variable]) -> None:
-    """Refuse a matrix, and several trials, in place of a channel."""
+    """Refuse a matrix, several trials, and a variable without samples, in place of a channel."""
+    for role, variable in channels.items():
+        if math.prod(variable.shape) == 0:
+            raise DataError(
+                f"{contents.path.name}: {variable.name} has no samples, so it is no {role}: leave this trial out, or "
+                "name another variable."
+            )
     parts = {
         role: variable.name_channel()
         for role, variable in channels.items()

@@ -1,5 +1,7 @@
 """One notation for parts of variables: columns, rows, elements, fields, in every container."""
 
+import re
+
 import h5py
 import numpy as np
 import pytest
@@ -183,3 +185,26 @@ def test_an_empty_cell_hides_no_trial(tmp_path, hole):
                 read_trial(path, **trial.channels)
         else:
             assert_signals(read_trial(path, **trial.channels))
+
+
+@pytest.mark.parametrize("write", [scipy.io.savemat, write_matlab])
+@pytest.mark.parametrize("hole", [0, 1, 3])
+def test_an_empty_element_is_refused_by_its_name(tmp_path, write, hole):
+    """In a struct array and in arrays of cells; those behind it are read."""
+    trials = np.zeros((1, 4), dtype=[("pos", object), ("tq", object)])
+    for number in range(4):
+        trials[0, number] = (P[None], TQ[None])
+    trials[0, hole]["pos"] = np.empty((0, 0))
+    cells = {"angle": trials["pos"], "moment": trials["tq"]}
+    path = tmp_path / "a.mat"
+    write(path, {"trial": trials, "fs": RATE, **cells})
+    for position, torque in (("trial[*].pos", "trial[*].tq"), ("angle[*]", "moment[*]")):
+        listed = list_trials(path, ReadingOptions(position=position, torque=torque))
+        assert len(listed) == 4
+        for number, trial in enumerate(listed):
+            if number == hole:
+                name = position.replace("*", str(hole))
+                with pytest.raises(DataError, match=rf"{re.escape(name)} has no samples"):
+                    read_trial(path, **trial.channels)
+            else:
+                assert_signals(read_trial(path, **trial.channels))
