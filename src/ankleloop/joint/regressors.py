@@ -47,10 +47,19 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
     last = samples - 1 - margin - max(after, 0)
     count = (last - first) // factor + 1
     if count < 2:
+        taken = filtered_duration(rate, identification_rate, delay)
         raise DataError(
-            f"the record of {samples / rate:.3g} s is too short for its filters. Record longer."
+            f"the record of {samples / rate:.3g} s is too short for its filters, which take {taken:.2g} s. Record "
+            "longer."
         )
     return Grid(factor, first, count)
+
+
+def filtered_duration(rate: float, identification_rate: float, delay: float) -> float:
+    """Time at the ends of a record that its filters touch [s]."""
+    margin = decimation_margin(decimation_factor(rate, identification_rate))
+    before, after = differentiation_margin(rate, delay)
+    return (2 * margin + before + max(after, 0)) / rate
 
 
 @dataclass(frozen=True, eq=False)

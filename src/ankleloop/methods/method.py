@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import ceil, isfinite
 from typing import Any, Literal, NamedTuple, Self
 
 import xarray as xr
@@ -15,6 +15,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate, add_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
+from ankleloop.joint.regressors import filtered_duration
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import USUAL_RATE, usual_rate
@@ -148,6 +149,8 @@ class Method:
         by default the option `reference`.
     merges : bool
         Whether it merges several trials into one identification.
+    least : float
+        Time of each of several trials that has to be left beside the filters [s].
     validity : Validity
         In which loop it is valid, and with which options; by default it is not known to be valid in closed loop.
     offer : Offer, optional
@@ -169,6 +172,7 @@ class Method:
     identify: Callable[[Any, Any], Any]
     reference: Callable[[Any], str | None] = find_reference
     merges: bool = False
+    least: float = 0.0
     validity: Validity = UNKNOWN
     offer: Offer | None = None
 
@@ -180,6 +184,8 @@ class Method:
             self._check_merged(trials)
         if isinstance(chosen, MethodOptions):
             chosen = chosen.at_rate(trials[0].rate)
+        if len(trials) > 1 and self.least:  # a single one is refused for what it does not show
+            self._check_lengths(trials, chosen)
         reference = self.reference(chosen)
         data_warnings = check_data(trials, reference, **_data_use(chosen))
         estimate = self.identify(trials if self.merges else trials[0], chosen)
@@ -222,6 +228,19 @@ class Method:
                 raise DataError(
                     f"trial {number} of {len(trials)} has {trial.rate:g} Hz, the first one {trials[0].rate:g} Hz: "
                     "resample them to one rate before they are merged."
+                )
+
+    def _check_lengths(self, trials: Sequence[PreparedTrial], options: Any) -> None:
+        """Refuse trials of which the filters leave too little."""
+        rate = trials[0].rate
+        delay = NOMINAL_DELAY if options.delay is None else options.delay
+        needed = self.least + filtered_duration(rate, options.identification_rate, delay)
+        for number, trial in enumerate(trials, 1):
+            duration = trial.time.size / rate
+            if duration < needed:
+                raise DataError(
+                    f"trial {number} of {len(trials)} is too short to be merged by {self.name}: it has "
+                    f"{duration:.3g} s, and each has to last {ceil(10.0 * needed) / 10.0:g} s or more."
                 )
 
 

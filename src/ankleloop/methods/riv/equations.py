@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import GRIDS, ReflexDynamics
 from ankleloop.joint.hammerstein import ReflexPath
 from ankleloop.joint.prepared import PreparedTrial, predict_inputs
@@ -34,7 +33,7 @@ NO_POLE = 100.0  # of that limit: a third pole that is held there is none
 # probability of a residual that depends as much on the movement, if the model were complete
 INCOMPLETE = 0.01
 MOVEMENT_REACH = 0.5  # s within which a residual may depend on the movement
-SHORTEST_TRIAL = 1.1  # s after filters: lags of the movement on both sides have to fit in
+LEAST_BESIDE_FILTERS = 1.1  # s of each trial: these lags have to fit in on both sides
 MOVEMENT_RESOLUTION = 1.0  # Hz: width over which the spectrum of the movement is smoothed
 SLOPE_STEP = 1e-5  # of a logarithm, or s, for second derivatives
 NOMINAL_DYNAMICS = ReflexDynamics(omega_n=40.0, zeta=1.0)  # of a reflex that is not there
@@ -276,8 +275,6 @@ class Equations:
     def __init__(
         self, trials: Sequence[PreparedTrial], records: Sequence[Regressors], weighting: str
     ) -> None:
-        if len(trials) > 1:  # a single one is refused with its response to the reference
-            _check_lengths(trials, records)
         self.records = records
         self.weighting = weighting  # "noise" or "flat"
         self.delay = records[0].delay  # of the inputs [s]
@@ -338,19 +335,6 @@ class Equations:
             shift=float(shifts[late]),
             delays=("delay",) if estimate_delay else (),
         )
-
-
-def _check_lengths(trials: Sequence[PreparedTrial], records: Sequence[Regressors]) -> None:
-    """Refuse trials of which too little is left after filters."""
-    for number, (trial, record) in enumerate(zip(trials, records, strict=True), 1):
-        left = record.torque.size / record.rate
-        if left < SHORTEST_TRIAL:
-            lost = trial.samples["torque"].size / trial.rate - left
-            needed = np.ceil(10.0 * (SHORTEST_TRIAL + lost)) / 10.0
-            raise DataError(
-                f"trial {number} of {len(trials)} has {left:.2g} s after the filters, too few for riv: each has to "
-                f"last {needed:g} s or more."
-            )
 
 
 def describe_lost_pole(order: int) -> str:

@@ -40,6 +40,7 @@ from ankleloop.methods.riv.covariance import robust_covariance
 from ankleloop.methods.riv.equations import (
     ABSENT_REFLEX,
     INCOMPLETE,
+    LEAST_BESIDE_FILTERS,
     SHOWN_REFLEX,
     Equations,
     describe_lost_pole,
@@ -294,6 +295,7 @@ METHODS = (
         RivOptions,
         identify_riv,
         merges=True,
+        least=LEAST_BESIDE_FILTERS,
         validity=Validity(closed={}, without_reference=POSITION),
         offer=Offer(
             "Refined instrumental variables",

@@ -1,6 +1,7 @@
 """Trials that `riv` and `riv-tv` merge: one estimate, that of a record that consists of all of them."""
 
 import itertools
+import re
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -207,11 +208,17 @@ def test_movements_of_three_seconds_are_one_course_over_their_time():
         identify(movements[:7], "riv-tv")
 
 
-@pytest.mark.parametrize("duration", [0.9, 1.2])
-@pytest.mark.parametrize("rates", [(2000.0, 100.0), (1000.0, 200.0)])
+@pytest.mark.parametrize("duration", [0.5, 0.7, 0.9, 1.2])
+@pytest.mark.parametrize(
+    "rates", [(500.0, 50.0), (1000.0, 100.0), (2000.0, 100.0), (1000.0, 200.0)]
+)
 def test_trials_that_are_too_short_are_refused_in_words(duration, rates):
+    """And those that last as long as the refusal says are merged."""
     recording_rate, identification_rate = rates
     long = simulate(seed=1, duration=30.0, recording_rate=recording_rate)
-    pieces = [segment(long, start, start + duration) for start in np.arange(0.0, 28.0, duration)]
-    with pytest.raises(DataError, match=r"too short|after the filters.* has to last .* s or more"):
+    pieces = [segment(long, start, start + duration) for start in (0.0, 3.0, 6.0, 9.0)]
+    with pytest.raises(DataError, match=r"trial 1 of 4 .* each has to last .* s or more") as error:
         identify(pieces, "riv", identification_rate=identification_rate)
+    least = float(re.search(r"to last (.*) s or", str(error.value))[1])
+    enough = [segment(long, start, start + least) for start in np.arange(0.0, 30.0 - least, least)]
+    assert np.isfinite(identify(enough, "riv", identification_rate=identification_rate)["K"])
