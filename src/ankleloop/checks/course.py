@@ -14,7 +14,7 @@ LOCKED_SHARE = 0.3  # of the perturbation that has to differ from cycle to cycle
 LOCKED_ROUNDS = 5
 # Frequencies of a cycle, and those of the perturbation beside it, in cycles.
 MOVEMENT_BAND, FLOOR_BAND = (0.6, 1.5), (2.0, 6.0)
-# Of a movement over that of the perturbation: measured, by chance at most 2.6 (120 trials of 45 s); chosen above it.
+# Of a movement over that of the perturbation: measured, by chance at most 3.0 (240 trials of 45 s); chosen above it.
 MOVEMENT_POWER = 8.0
 SAME_PHASE = 0.9  # length of the mean of unit vectors
 SLOW_FREQUENCY = 1.0  # Hz

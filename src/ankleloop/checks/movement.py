@@ -44,7 +44,8 @@ NOISE_SHARE = 0.15  # of the velocity's power: from about there on the reflex ga
 NOISE_SEGMENT = 0.5  # s
 NOISE_SEGMENTS = 30  # about: so many of them show the noise of a long record
 UNFILTERED_RATE = 1000.0  # Hz: at half of it nothing is left of a torque
-# Of the largest density, at the edge of the band: measured, 3.0e-4 or more where every fifth sample of 1 kHz is kept.
+# Of the largest density, at the edge of the band: measured, 2.9e-4 or more where every fifth sample of 1 kHz is kept
+# (60 trials), 2.4e-5 of every second one; up to 6.2e-4 behind a filter at 200 Hz, which the slope tells apart.
 EDGE_DENSITY = 2.5e-4
 EDGE_SLOPE = 0.63  # density at the edge over that at three quarters of the band
 EXCITED_SHARE = 1e-6  # of the largest eigenvalue of the velocity's Hankel products

@@ -25,7 +25,7 @@ from ankleloop_lab.experiments.experiment import (
 from ankleloop_lab.experiments.perturbation import PerturbationDesign
 
 # Standard deviation of the logarithm of the planned time, times the root of the length of the pilot [s]: measured,
-# 0.44 to 0.52 for K (160 pilots of 12 and 20 s, two loads); chosen wider, for pilots with robust intervals.
+# 0.44 to 0.65 for K (400 pilots of 12 and 20 s, two loads); chosen somewhat wider.
 PLAN_UNCERTAINTY = 0.7
 
 

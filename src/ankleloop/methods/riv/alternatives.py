@@ -27,7 +27,8 @@ SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
 LARGEST_SHIFT = 0.2  # of a parameter: more is no matter of its interval
 CERTAIN_SHIFT = 0.1  # the same, where the score is beyond doubt
 SMALLEST_PROBABILITY = 1e-300
-# Of the power of the torque: measured, 1.1e-5 is left without noise, 8.2e-5 at 40 dB, 7e-4 at 30 dB.
+# Of the power of the torque: measured, 0.8e-5 to 2.1e-5 is left without noise, 7.8e-5 to 9.5e-5 at 40 dB, 6.8e-4 or
+# more at 30 dB (10 trials each, two loads).
 LEAST_UNEXPLAINED = 1e-4
 EQUAL_SCORE = 0.9  # of the largest score: chosen, so that no effect is named that the record hardly tells from another
 # s, of a stretch reflex; somewhat longer ones are warned about

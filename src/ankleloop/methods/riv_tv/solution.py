@@ -21,9 +21,8 @@ from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 from ankleloop.signals.spectra import smooth
 
 INTEGRATION_PLACES = 2001  # at which squares of splines are summed
-IDENTIFIED = (
-    0.03  # of the mean information: chosen, where a standard error is six times that at the mean
-)
+# Of the mean information about a parameter: chosen, where a standard error is six times that at the mean.
+IDENTIFIED = 0.03
 MOST_ROUNDS = 30
 FEWEST_ROUNDS = 3
 LARGEST_STEPS = {"omega_n": 0.3, "zeta": 0.3, "pole": 0.3, "delay": 0.008, "torque_lag": 0.004}
