@@ -78,3 +78,16 @@ def test_records_weigh_in_the_noise_as_they_are_long():
     power = np.abs(bands.transform(np.concatenate([quiet, loud]))) ** 2
     density = bands.average(power, 0.4)
     assert density.mean() == pytest.approx((0.1 * 1.0 + 0.9 * 9.0) * 2 / 100.0, rel=0.1)
+
+
+def test_the_scatter_of_a_mean_density_is_that_of_records_as_they_are_long():
+    """Over many draws of white noise, of a short record beside a long one."""
+    rng = np.random.default_rng(4)
+    bands = pass_bands([1000, 4000], 100.0)
+    draws = rng.standard_normal((1000, bands.samples))
+    powers = np.abs(bands.transform(draws)) ** 2
+    densities = np.array([bands.average(power, 1.0) for power in powers])
+    middle = densities[:, densities.shape[1] // 2]
+    assert middle.var() / middle.mean() ** 2 == pytest.approx(
+        bands.smoothing_variance(1.0), rel=0.15
+    )
