@@ -255,11 +255,21 @@ class Estimate:
 
     @property
     def interval_remark(self) -> str:
-        """Why intervals reach further to one side, where they do: they hold the values with the likeliest effect."""
-        if not (self.intervals and self.alternatives):
-            return ""
-        effect = self.alternatives[0]["effect"]
-        return f"they reach to the values with {effect}, which the record shows and the model lacks"
+        """Which intervals reach further to one side, and why: one end is the value with the likeliest effect."""
+        values = {**self.stiffness, **self.reflex}
+        for effect in self.alternatives[:1]:
+            shifted = {
+                name: values[name] * (1.0 + shift)
+                for name, shift in effect["shifts"].items()
+                if name in values
+            }
+            wider = [name for name, end in shifted.items() if end in self.intervals.get(name, ())]
+            if wider:
+                return (
+                    f"{', '.join(wider)} reach to the values with {effect['effect']}, which the record shows and the "
+                    "model lacks"
+                )
+        return ""
 
     @property
     def holds(self) -> str:

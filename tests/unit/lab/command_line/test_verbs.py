@@ -577,7 +577,7 @@ def test_demo(run, tmp_path, monkeypatch):
 @pytest.mark.usefixtures("no_pages")
 def test_an_interval_that_reaches_further_to_one_side_says_why(run, tmp_path):
     """Of one file and of several."""
-    effect = "intervals reach further to one side: they reach to the values with a crosstalk"
+    effect = "intervals reach further to one side: K, B, G reach to the values with a crosstalk"
     for name, threshold in {"a": 0.1, "b": 0.0}.items():
         trial = simulate(seed=4, duration=50.0, reflex_threshold=threshold)
         write_recording(trial, tmp_path / f"{name}.csv", "csv")

@@ -1,6 +1,7 @@
 """Effects that a model lacks: each is named with its size, and what it does to K, B, I and G is a warning."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -228,5 +229,9 @@ def test_intervals_of_every_confidence_hold_what_the_model_lacks():
     assert low <= shifted <= high
     expected = pd.DataFrame(estimate.intervals)
     pd.testing.assert_frame_equal(pd.DataFrame(estimate.interval(0.95)), expected)
-    assert "intervals: they reach to the values with a crosstalk" in repr(estimate)
+    assert "intervals: K, B, I, G reach to the values with a crosstalk" in repr(estimate)
+    # An effect whose values the intervals hold anyway widens none.
+    small = {"effect": "a lag", "score": 4.0, "shifts": {"K": 1e-4}}
+    inside = replace(estimate, diagnostics={**estimate.diagnostics, "alternatives": [small]})
+    assert inside.interval_remark == ""
     assert identify(simulate(seed=4, duration=20.0), "riv").interval_remark == ""
