@@ -21,26 +21,20 @@ ENTRY, CONFIG = [code for language, code in BLOCKS if language == "yaml"]
 METADATA = {"kernelspec": {"name": "python3", "language": "python", "display_name": "Python 3"}}
 
 
-@pytest.fixture(scope="module")
-def run_notebook(copy_repository, snakemake):
-    """Run the study of the page with a notebook of the title, the parameters, the imports and some more cells."""
+@pytest.fixture
+def results(copy_repository, snakemake):
+    """Results of the study of the page, by its notebook."""
     repository = copy_repository()
     with (repository / "notebooks" / "notebooks.yaml").open("a", encoding="utf-8") as file:
         file.write(ENTRY)
     (repository / "config" / "mine.yaml").write_text(CONFIG, encoding="utf-8")
-
-    def run(*more, **options):
-        code = [cells.new_code_cell(text) for text in (PARAMETERS, IMPORTS, *more)]
-        code[0].metadata["tags"] = ["parameters"]
-        notebook = cells.new_notebook(
-            cells=[cells.new_markdown_cell(TITLE), *code], metadata=METADATA
-        )
-        path = repository / "notebooks" / "gain.ipynb"
-        path.write_text(nbformat.writes(notebook), encoding="utf-8")
-        output = snakemake(repository, "--configfile", "config/mine.yaml", **options)
-        return output, repository / "results"
-
-    return run
+    code = [cells.new_code_cell(text) for text in (PARAMETERS, IMPORTS, FIGURE, TABLE)]
+    code[0].metadata["tags"] = ["parameters"]
+    notebook = cells.new_notebook(cells=[cells.new_markdown_cell(TITLE), *code], metadata=METADATA)
+    path = repository / "notebooks" / "gain.ipynb"
+    path.write_text(nbformat.writes(notebook), encoding="utf-8")
+    snakemake(repository, "--configfile", "config/mine.yaml")
+    return repository / "results"
 
 
 def find_tables(cell):
@@ -50,8 +44,7 @@ def find_tables(cell):
     ]
 
 
-def test_figure_table_and_page(run_notebook):
-    _, results = run_notebook(FIGURE, TABLE)
+def test_figure_table_and_page(results):
     for name in ("figures/mine-stiffness.png", "figures/mine-stiffness.pdf", "tables/mine.md"):
         assert (results / name).stat().st_size > 0
     drawn = pd.read_csv(results / "figures" / "mine-stiffness.csv")
@@ -69,13 +62,3 @@ def test_figure_table_and_page(run_notebook):
     NotebookClient(again, resources={"metadata": {"path": str(path.parent)}}).execute()
     tables = [find_tables(notebook.cells[-1]) for notebook in (executed, again)]
     assert tables[0] == tables[1] != []
-
-
-def test_what_the_notebook_lacks_is_named(run_notebook):
-    output, _ = run_notebook(TABLE, check=False)
-    assert (
-        "gain.ipynb has not drawn the figure 'stiffness', which notebooks/notebooks.yaml" in output
-    )
-    output, _ = run_notebook(FIGURE, check=False)
-    assert "gain.ipynb has written no table of the study: call page.show_table(" in output
-    assert "MissingOutputException" not in output

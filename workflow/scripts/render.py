@@ -50,20 +50,6 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
     return executed
 
 
-def check_outputs(notebook: str, study: Mapping) -> None:
-    """Refuse a notebook that has not drawn all figures of its list, or has written no table."""
-    for name in study["figures"]:
-        if not Path(f"{study['figure_stem']}-{name}.png").exists():
-            raise ValueError(
-                f"{notebook} has not drawn the figure {name!r}, which notebooks/notebooks.yaml lists for it: call "
-                f"page.show_figure(figure, {name!r}, caption), or take it off the list."
-            )
-    if not Path(f"{study['table_stem']}.csv").exists():
-        raise ValueError(
-            f"{notebook} has written no table of the study: call page.show_table(cells, caption, table=table)."
-        )
-
-
 def write_executed(notebook: nbformat.NotebookNode, path: str) -> None:
     """Write an executed notebook, which runs from its folder, without times: the same bytes for the same outputs."""
     kept = copy.deepcopy(notebook)
@@ -110,7 +96,7 @@ with running(snakemake):
     executed = execute(notebook, parameters)
     study = parameters.get("study")
     if study:
-        check_outputs(notebook, study)
+        StudyPage(**study).check_written(notebook)
     captions = find_captions(executed)
     if figures:
         write_captions(captions, Path(figures))

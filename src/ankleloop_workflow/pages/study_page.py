@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Mapping
 from functools import cached_property
+from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
@@ -117,6 +118,19 @@ class StudyPage(SimpleNamespace):
             listed = ", ".join(self.figures)
             raise ValueError(
                 f"the figure {name!r} is not in notebooks/notebooks.yaml, which has {listed}."
+            )
+
+    def check_written(self, notebook: str) -> None:
+        """Refuse a notebook that has not drawn all figures of its list, or has written no table."""
+        for name in self.figures:
+            if not Path(f"{self.figure_stem}-{name}.png").exists():
+                raise ValueError(
+                    f"{notebook} has not drawn the figure {name!r}, which notebooks/notebooks.yaml lists for it: call "
+                    f"page.show_figure(figure, {name!r}, caption), or take it off the list."
+                )
+        if not Path(f"{self.table_stem}.csv").exists():
+            raise ValueError(
+                f"{notebook} has written no table of the study: call page.show_table(cells, caption, table=table)."
             )
 
     def show_table(

@@ -104,3 +104,15 @@ def test_a_page_that_reads_no_points_says_what_to_add(page):
 def test_a_figure_without_numbers_says_how_to_give_them(page):
     with pytest.raises(ValueError, match=r"'curves' has no table .*: set figure\.data = table"):
         page.show_figure(Figure(), "curves", "Curves.")
+
+
+def test_what_a_notebook_has_not_written_is_named(page, tmp_path):
+    page.figures = ["curves"]
+    page.figure_stem = page.table_stem = str(tmp_path / "s")
+    with pytest.raises(ValueError, match=r"gain\.ipynb has not drawn the figure 'curves', which"):
+        page.check_written("gain.ipynb")
+    (tmp_path / "s-curves.png").touch()
+    with pytest.raises(ValueError, match=r"gain\.ipynb has written no table of the study: call"):
+        page.check_written("gain.ipynb")
+    (tmp_path / "s.csv").touch()
+    page.check_written("gain.ipynb")
