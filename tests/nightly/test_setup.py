@@ -37,7 +37,9 @@ def make(folder, log, *targets):
 
 def test_a_set_up_that_was_killed_is_finished_by_the_next(tmp_path):
     folder = tmp_path / "repository"
-    shutil.copytree(ROOT / "src", folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("src", "notebooks"):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / name, folder / name, ignore=ignored)
     for name in ("Makefile", "environment.lock", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy2(ROOT / name, folder / name)
     generator = random.Random(SEED)
