@@ -68,9 +68,8 @@ def check(model: type[Options], values: Any, *place: str) -> Any:
     else:
         sentence = describe_error(fault, owner.unit(name), owner.limits(name))
         first, _, rest = sentence.partition(": ")
-        if (
-            not keys and first in model.model_fields
-        ):  # of a check of several keys, which names its own
+        # A check of several keys names its own.
+        if not keys and first in model.model_fields:
             keys.append(first)
             sentence = rest
         sentence += _find_remedy(kind, fault["input"])

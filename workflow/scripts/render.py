@@ -1,6 +1,5 @@
 """Run a notebook with parameters, and render it as one HTML page that needs no other files."""
 
-import copy
 import json
 import shutil
 import tempfile
@@ -52,15 +51,14 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
 
 def write_executed(notebook: nbformat.NotebookNode, path: str) -> None:
     """Write an executed notebook, which runs from its folder, without times: the same bytes for the same outputs."""
-    kept = copy.deepcopy(notebook)
-    kept.metadata.pop("papermill", None)
-    for cell in kept.cells:
+    notebook.metadata.pop("papermill", None)
+    for cell in notebook.cells:
         cell.metadata.pop("papermill", None)
         cell.metadata.pop("execution", None)
     place = nbformat.v4.new_code_cell(PLACE, id="cell-place")
-    kept.cells.insert(0, place)
+    notebook.cells.insert(0, place)
     with atomic_file(path, overwrite=True) as partial:
-        nbformat.write(kept, partial)
+        nbformat.write(notebook, partial)
 
 
 def export_outputs(notebook: nbformat.NotebookNode) -> str:

@@ -469,8 +469,9 @@ class Estimate:
             between = self.diagnostics.get("intervals") == "between trials"
             mean = "all trials like these" if between else "these trials"
             lines.append(f"intervals: for the mean over {mean} ({trials})")
-        if self.interval_remark:
-            lines.append(f"intervals: {self.interval_remark}")
+        remark = self.interval_remark
+        if remark:
+            lines.append(f"intervals: {remark}")
         correlated = self._list_correlated()
         if correlated:
             lines.append(f"correlated: {', '.join(correlated)}")
