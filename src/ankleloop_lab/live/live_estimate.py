@@ -10,13 +10,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from numpy.typing import ArrayLike
 
 from ankleloop.assessment.scores import list_parameters
 from ankleloop.checks.record import SHORTEST_RECORD
 from ankleloop.errors import NUMERICAL_ERRORS, DataError, describe_error
 from ankleloop.joint.estimate import Estimate
-from ankleloop.methods.registry import find_method, identify
+from ankleloop.joint.prepared import prepare_trials
+from ankleloop.methods.registry import identify
+from ankleloop.methods.riv.riv import RivOptions, identify_riv
 from ankleloop.options import as_real, check_number
 from ankleloop.signals.sampling import parse_rate
 from ankleloop.trials.trial import check_sizes, new_trial
@@ -118,8 +121,8 @@ class LiveEstimate(ExitStack):
         self._rate = parse_rate(sampling_rate, source=OWNER)
         self._memory = check_number(OWNER, "memory", memory, "s", ge=SHORTEST_RECORD, le=3600)
         every = check_number(OWNER, "every", every, "s", ge=0.1, le=COMPARED)
-        find_method("riv").options.parse("method 'riv'", **options)
-        self._options = options
+        self._options = RivOptions.parse("method 'riv'", **options).at_rate(self._rate)
+        self._given = options
         self.estimate: Estimate | None = None
         self._stream = Stream(self._rate, self._memory, jitter, record)
         self._step = round(every * self._rate)  # samples from one estimate to the next
@@ -156,7 +159,7 @@ class LiveEstimate(ExitStack):
         """
         if time is None:
             time = self._stream.end + np.arange(np.size(position)) / self._rate
-        if self._options.get("reference") == "position":
+        if self._options.reference == "position":
             reference = position
         given: dict[str, Any] = {
             "time": time,
@@ -261,7 +264,7 @@ class LiveEstimate(ExitStack):
         try:
             if len(samples) < round(SHORTEST_RECORD * self._rate):
                 raise DataError(f"{SHORTEST_RECORD:g} s are needed in which no sample is missing.")
-            estimate = self._identify(samples)
+            estimate = identify(self._make_trial(samples), "riv", **self._given)
             # Without an estimate of the last seconds, or of a window before them, nothing is compared.
             with suppress(LookupError, *NUMERICAL_ERRORS):
                 self._find_changes(samples)
@@ -276,17 +279,18 @@ class LiveEstimate(ExitStack):
         row["warnings"] = " ".join(warnings)
         self._rows.append(row)
 
-    def _identify(self, samples: np.ndarray) -> Estimate:
-        """Estimate from samples."""
+    def _make_trial(self, samples: np.ndarray) -> xr.Dataset:
+        """Trial of samples."""
         _, position, torque, reference = samples.T
-        trial = new_trial(position, torque, self._rate, reference)
-        return identify(trial, "riv", **self._options)
+        return new_trial(position, torque, self._rate, reference)
 
     def _find_changes(self, samples: np.ndarray) -> None:
         """Compare the last seconds with the window before them."""
         last = samples[-round(COMPARED * self._rate) :]
         # A window ends at the time of the sample that would come next.
         earlier = [row for row in self._rows if row["time"] < last[1, 0]][-1]
-        later = list_parameters(self._identify(last))
+        # The window that they end was checked: their data are not checked again.
+        trials = prepare_trials(self._make_trial(last))
+        later = list_parameters(identify_riv(trials, self._options))
         for name, change in self._changes.items():
             self._changes[name] = change.update(name, earlier, later, self._memory)
