@@ -93,19 +93,20 @@ with running(snakemake):
         Path(figures).mkdir(parents=True, exist_ok=True)
     executed = execute(notebook, parameters)
     study = parameters.get("study")
-    if study:
-        StudyPage(**study).check_written(notebook)
+    study_page = StudyPage(**study) if study else None
+    if study_page:
+        study_page.check_written(notebook)
     captions = find_captions(executed)
     if figures:
         write_captions(captions, Path(figures))
     body = export_outputs(executed)
     log.info("executed %s", notebook)
     # The article shows several studies, each of which has a page of its own in a folder.
-    if study:
+    if study_page:
         write_executed(executed, snakemake.output.code)
         note, faults = "", ""  # pages of recordings have their own
         if "table_file" in study:
-            note, faults = StudyPage(**study).render_faults()
+            note, faults = study_page.render_faults()
         link = f'<p><a href="../notebooks/{study["study"]}.ipynb">The code of this page</a></p>'
         body = f"{body}{faults}{link}"
         page = render_page(study["title"], body, note=note, index="../index.html")

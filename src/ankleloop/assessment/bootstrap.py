@@ -243,4 +243,4 @@ def _sample_row(trials: Sequence[PreparedTrial], estimate: Estimate) -> dict[str
     """Parameters and VAFs of a repetition."""
     scores = score_torques(trials, estimate, "measured", intervals=False)
     vafs = {f"vaf_{torque}": vaf for torque, _, vaf in scores}
-    return {**estimate.stiffness, **estimate.reflex, **vafs}
+    return {**estimate.values, **vafs}

@@ -221,7 +221,7 @@ def parameter_row(trial: Trials, estimate: Estimate) -> dict[str, Any]:
 
 def list_parameters(estimate: Estimate) -> dict[str, float]:
     """Parameters of an estimate, and the ends of their intervals."""
-    values = {**estimate.stiffness, **estimate.reflex}
+    values = estimate.values
     for name, (low, high) in estimate.intervals.items():
         values |= {f"{name}_low": low, f"{name}_high": high}
     return values

@@ -122,7 +122,7 @@ class Estimate:
 
     def __getitem__(self, name: str) -> float:
         """Value of a parameter, such as ``estimate["K"]``, by the names of `params`."""
-        values = {**self.stiffness, **self.reflex}
+        values = self.values
         if name not in values:
             known = ", ".join(values)
             raise KeyError(f"there is no {name!r}{suggest_name(name, values)}; there are {known}.")
@@ -135,7 +135,7 @@ class Estimate:
         A row for each by its name, with `value`, `standard_error`, the ends `low` and `high` of its 95 % interval (nan
         where the method gives none), and `unit`.
         """
-        values = {**self.stiffness, **self.reflex}
+        values = self.values
         errors = self.standard_errors
         no_interval = (np.nan, np.nan)
         rows = {}
@@ -254,9 +254,14 @@ class Estimate:
         return list(self.diagnostics.get("alternatives", ()))
 
     @property
+    def values(self) -> dict[str, float]:
+        """Values of all parameters by their names."""
+        return {**self.stiffness, **self.reflex}
+
+    @property
     def interval_remark(self) -> str:
         """Which intervals reach further to one side, and why: one end is the value with the likeliest effect."""
-        values = {**self.stiffness, **self.reflex}
+        values = self.values
         for effect in self.alternatives[:1]:
             shifted = {
                 name: values[name] * (1.0 + shift)
@@ -322,7 +327,7 @@ class Estimate:
         True
         """
         level = check_number("interval", "level", level, gt=0, lt=1)
-        values = {**self.stiffness, **self.reflex}
+        values = self.values
         uncertainty = Uncertainty(self.diagnostics.get("covariance", {}), self.freedom)
         intervals = uncertainty.intervals(values, level)
         for effect in self.alternatives[:1]:
@@ -442,7 +447,7 @@ class Estimate:
 
     def __hash__(self) -> int:
         """Of what equal estimates have alike: method and parameters."""
-        parameters = {**self.stiffness, **self.reflex}
+        parameters = self.values
         return hash((self.method, frozenset(parameters.items())))
 
     def __repr__(self) -> str:

@@ -41,11 +41,9 @@ class Grid(NamedTuple):
 def decimation_grid(samples: int, rate: float, identification_rate: float, delay: float) -> Grid:
     """Grid of all decimated samples that no filter edge touches."""
     factor = decimation_factor(rate, identification_rate)
-    margin = decimation_margin(factor)
-    before, after = differentiation_margin(rate, delay)
-    first = factor * ceil((margin + before) / factor)
-    last = samples - 1 - margin - max(after, 0)
-    count = (last - first) // factor + 1
+    start, end = _filter_edges(factor, rate, delay)
+    first = factor * ceil(start / factor)
+    count = (samples - 1 - end - first) // factor + 1
     if count < 2:
         taken = filtered_duration(rate, identification_rate, delay)
         raise DataError(
@@ -57,9 +55,14 @@ def decimation_grid(samples: int, rate: float, identification_rate: float, delay
 
 def filtered_duration(rate: float, identification_rate: float, delay: float) -> float:
     """Time at the ends of a record that its filters touch [s]."""
-    margin = decimation_margin(decimation_factor(rate, identification_rate))
+    return sum(_filter_edges(decimation_factor(rate, identification_rate), rate, delay)) / rate
+
+
+def _filter_edges(factor: int, rate: float, delay: float) -> tuple[int, int]:
+    """Recorded samples at the start and at the end of a record that its filters touch."""
+    margin = decimation_margin(factor)
     before, after = differentiation_margin(rate, delay)
-    return (2 * margin + before + max(after, 0)) / rate
+    return margin + before, margin + max(after, 0)
 
 
 @dataclass(frozen=True, eq=False)

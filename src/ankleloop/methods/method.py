@@ -272,7 +272,7 @@ def _data_use(options: Any) -> dict[str, Any]:
 
 def _list_faults(estimate: Estimate) -> list[str]:
     """Warnings about parameters that are no numbers, or that no joint has with all of their interval."""
-    values = {**estimate.stiffness, **estimate.reflex}
+    values = estimate.values
     warnings = []
     missing = [name for name, value in values.items() if not isfinite(value)]
     if missing:

@@ -263,7 +263,7 @@ def trajectories_figure(
                 excitation = estimate.diagnostics.get("excitation", {}).get(name, np.nan)
                 parts.append(curve(f"excitation of {name}", label, place, excitation))
             else:
-                constants = {**estimate.stiffness, **estimate.reflex}
+                constants = estimate.values
                 parts.append(curve(name, label, first[dimension], constants.get(name, np.nan)))
     figure = draw_panels(
         pd.concat(parts),

@@ -325,9 +325,7 @@ def _list_assumptions(
         change = f"a delay of {1000 * MORE_DELAY:g} ms more would"
         try:
             other = _identify(trials, method, **options)
-            shifts = compute_shifts(
-                {**estimate.stiffness, **estimate.reflex}, {**other.stiffness, **other.reflex}
-            )
+            shifts = compute_shifts(estimate.values, other.values)
             texts.append(f"{change} move {format_shifts(shifts)}.")
         except DataError as error:
             texts.append(f"what {change} do cannot be told: {error}")

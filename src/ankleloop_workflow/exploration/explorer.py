@@ -144,7 +144,7 @@ def tabulate_parameters(
     table = pd.DataFrame(index=list(SETTINGS))
     table["true"] = [f"{getattr(model, setting):.3g}" for setting in SETTINGS.values()]
     for label, estimate in estimates.items():
-        values = {**estimate.stiffness, **estimate.reflex}
+        values = estimate.values
         cells = {name: f"{value:.3g}" for name, value in values.items()}
         for name in cells.keys() & estimate.intervals:
             low, high = estimate.intervals[name]
