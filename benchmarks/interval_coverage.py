@@ -1,6 +1,6 @@
 """Coverage of the 95 % intervals of `riv`: the share of trials in which an interval holds what it is for.
 
-Where the model is complete, an interval is for the truth: the settings of the study `efficiency` in config/config.yaml.
+Where the model is complete, an interval is for the truth: the settings of the study `efficiency` in config/beyond.yaml.
 Where the model is incomplete, it is for what the same fit gives on an infinitely long record: a third-order reflex
 fitted by second order, a reflex with a threshold fitted by a rectifier, a stiffness that drifts within the record. A
 record a hundred times as long stands for the infinitely long one; it takes two gigabytes of memory.
@@ -40,7 +40,7 @@ LONG, LONG_SEED = 5_000.0, 1_000_000  # duration of the long record [s], and its
 
 def read_points(study="efficiency"):
     """Simulation settings of each point of a study, by the caption of the point."""
-    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))[
+    config = yaml.safe_load((ROOT / "config" / "beyond.yaml").read_text(encoding="utf-8"))[
         "studies"
     ][study]
     points = [config["simulation"] | point for point in config["points"]]

@@ -92,6 +92,16 @@ def test_settings_rerun_exactly_what_depends_on_them(plan):
     assert jobs == chunks | report_jobs("table1", 2) | report_jobs("table2", 1) | SUMMARIES
 
 
+def test_a_title_and_a_window_of_a_figure_measure_nothing_again(reproduction, reduced):
+    """Nothing is written by the plan, and no reason lists all settings."""
+    files = sorted((reproduction / "results").rglob("*"))
+    changed = {"title": "Mine", "figure": {"start": 3.0}}
+    text = reduced("--dry-run", overlay={"studies": {"table1": changed}})
+    assert count_jobs(text) == {"report table1": 1, "figure table1": 2, "article": 1, "index": 1}
+    assert max(map(len, re.findall("reason: Params.*", text))) < 500
+    assert sorted((reproduction / "results").rglob("*")) == files
+
+
 @pytest.fixture
 def touch(reproduction):
     """Change a module of the library until the end of the test."""

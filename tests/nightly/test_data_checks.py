@@ -14,11 +14,16 @@ from ankleloop.checks.data import check_data
 from ankleloop.joint.prepared import prepare
 from ankleloop_workflow.config.study import SimulatedStudy, read_studies
 
-CONFIG = Path(__file__).parents[2] / "config" / "config.yaml"
+CONFIGS = [Path(__file__).parents[2] / "config" / f"{name}.yaml" for name in ("config", "beyond")]
 SEEDS = (101, 202)
+SETTINGS = {
+    name: settings
+    for path in CONFIGS
+    for name, settings in yaml.safe_load(path.read_text(encoding="utf-8"))["studies"].items()
+}
 STUDIES = {
     name: list(study.conditions.values())
-    for name, study in read_studies(yaml.safe_load(CONFIG.read_text(encoding="utf-8")))[1].items()
+    for name, study in read_studies({"studies": SETTINGS})[1].items()
     if isinstance(study, SimulatedStudy)
 }
 

@@ -21,7 +21,7 @@ SMALL = {
 @pytest.mark.usefixtures("coarse_pictures")
 @pytest.mark.parametrize("name", SMALL)
 def test_the_notebook_shows_every_study(tmp_path, name):
-    config = yaml.safe_load((ROOT / "config" / "config.yaml").read_text(encoding="utf-8"))
+    config = yaml.safe_load((ROOT / "config" / "beyond.yaml").read_text(encoding="utf-8"))
     settings = config["studies"][name]
     settings |= {"trials": 2, "keep": "estimates", "points": SMALL[name]}
     settings["simulation"] |= {"duration": 16.8}

@@ -35,6 +35,7 @@ rule verify:
         mem_mb=memory,
         runtime=half_hour,
     params:
+        settings=digest([[study.name, study.points, study.labels] for study in ARTICLE]),
         options={
             name: study.methods[name].fixed_options
             for study in ARTICLE
@@ -42,7 +43,7 @@ rule verify:
             for name in ("pr-moesp", "eiv-moesp")
             if name in study.methods
         },
-        studies=[study.describe() for study in ARTICLE],
+        studies=lambda wildcards, output: [study.describe() for study in ARTICLE],
         library=library("workflow/scripts/verify.py"),
     script:
         "../scripts/verify.py"
@@ -86,6 +87,7 @@ rule article:
         mem_mb=memory,
         runtime=half_hour,
     params:
+        settings=digest([study.describe() for study in ARTICLE]),
         parameters=lambda wildcards, input, output: dict(
             title="Closed-loop identification of ankle dynamics: a replication",
             studies={

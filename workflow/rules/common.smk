@@ -3,7 +3,6 @@ import hashlib
 import json
 import os
 import sys
-import tempfile
 
 from ankleloop_lab.checking import ConfigError
 from ankleloop_workflow.config.notebooks import list_figures, read_notebooks
@@ -38,7 +37,6 @@ ARTICLE = [STUDIES[name] for name in CONFIG.article_names]
 DIAGRAMS = [
     f"{name}.{end}" for name in ("figure1", "figure2") for end in ("png", "pdf", "svg")
 ]
-OF_DRY_RUN = tempfile.TemporaryDirectory()
 SIMULATED = {s.name: s for s in STUDIES.values() if isinstance(s, SimulatedStudy)}
 
 
@@ -159,6 +157,16 @@ def trials_in_file(wildcards):
     return study.simulation(study.trial_files[int(wildcards.chunk)])
 
 
+def identification_of(wildcards):
+    """What a job identifies."""
+    return study_of(wildcards).identification(int(wildcards.chunk))
+
+
+def prediction_of(wildcards):
+    """What is predicted of a study."""
+    return study_of(wildcards).prediction(notebook_of(wildcards).predictions)
+
+
 def table_file(study):
     """Table of all trials of a study."""
     return f"results/tables/{study.name}-trials.parquet"
@@ -229,19 +237,14 @@ def targets():
     return [*paths, "results/article.html"] if ARTICLE else paths
 
 
-def settings_file(study, job, *settings):
-    """A small file with the settings of a job, written where they have changed: an input, so that the job runs again.
+def digest(*settings):
+    """Hash of settings, as a parameter of a job that runs again where they have changed.
 
-    A dry run leaves the file as it is, and writes the new one into a folder that goes when it ends.
+    The settings themselves are a parameter that is a function of `output`, too: Snakemake does not compare those, and a
+    dry run does not print them.
     """
-    path = Path("results", "settings", study.name, f"{job}.txt")
-    text = hashlib.sha256(json.dumps(settings, default=str).encode()).hexdigest()
-    if not path.exists() or path.read_text() != text:
-        if workflow.output_settings.dryrun:
-            path = Path(OF_DRY_RUN.name, path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-    return local(str(path))
+    text = json.dumps(settings, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 # Memory [MB] and time [min] of jobs, for schedulers: a new attempt asks for more. No job of usual trials takes half of it.

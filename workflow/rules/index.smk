@@ -30,10 +30,11 @@ rule index:
         "../envs/ankleloop.yaml"
     threads: 1
     params:
-        configuration=complete_config(CONFIG, STUDIES),
+        settings=digest(complete_config(CONFIG, STUDIES), [s.describe() for s in RUN]),
+        configuration=lambda wildcards, output: complete_config(CONFIG, STUDIES),
         configurations=[os.path.abspath(path) for path in CONFIG_FILES],
         repository=lambda wildcards: str(ROOT),
-        studies=[study.describe() for study in RUN],
+        studies=lambda wildcards, output: [study.describe() for study in RUN],
         recordings=[
             path
             for study in RUN

@@ -5,9 +5,6 @@ rule recordings:
         files=lambda w: [
             local(path) for path in study_of(w).existing_paths(int(w.chunk))
         ],
-        settings=lambda w: settings_file(
-            study_of(w), f"scores/{w.chunk}", study_of(w).analysis(int(w.chunk))
-        ),
     output:
         table="results/scores/{study}/{chunk}.parquet",
         folder=directory("results/recordings/{study}/{chunk}"),
@@ -24,7 +21,10 @@ rule recordings:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        arguments=lambda w: study_of(w).analysis(int(w.chunk)),
+        settings=lambda w: digest(study_of(w).analysis(int(w.chunk))),
+        arguments=lambda wildcards, output: study_of(wildcards).analysis(
+            int(wildcards.chunk)
+        ),
         library=library("workflow/scripts/recordings.py"),
     script:
         "../scripts/recordings.py"

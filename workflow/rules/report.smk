@@ -7,7 +7,6 @@ rule report:
         notebook=lambda wildcards: repository_file(notebook_file(wildcards)),
         published=published_of,
         ledger=ledger_of,
-        settings=lambda w: settings_file(study_of(w), "report", study_of(w).describe()),
     output:
         page=of_report("results/reports/{study}.html", "page"),
         table=of_report("results/tables/{study}.csv", "table"),
@@ -25,6 +24,7 @@ rule report:
         mem_mb=memory,
         runtime=half_hour,
     params:
+        settings=lambda w: digest(study_of(w).describe()),
         caption=lambda w: notebook_of(w).shows,
         parameters=lambda wildcards, input, output: report_parameters(
             study_of(wildcards),

@@ -4,10 +4,6 @@
 # Simulated trials. A trial file holds those of some conditions of a study, or part of the trials of one: starting a job
 # costs as much as some fifty trials do.
 rule simulate:
-    input:
-        settings=lambda w: settings_file(
-            study_of(w), f"trials/{w.chunk}", trials_in_file(w)
-        ),
     output:
         trials="results/trials/{study}/{chunk}.nc",
     log:
@@ -25,7 +21,8 @@ rule simulate:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        arguments=trials_in_file,
+        settings=lambda w: digest(trials_in_file(w)),
+        arguments=lambda wildcards, output: trials_in_file(wildcards),
         precision=lambda w: study_of(w).settings.precision,
         library=library("workflow/scripts/simulate.py"),
     script:
@@ -37,9 +34,6 @@ rule simulate:
 rule identify:
     input:
         trials=trial_file_of,
-        settings=lambda w: settings_file(
-            study_of(w), f"scores/{w.chunk}", study_of(w).identification(int(w.chunk))
-        ),
     output:
         estimates="results/estimates/{study}/{chunk}.parquet",
         scores="results/scores/{study}/{chunk}.parquet",
@@ -56,7 +50,8 @@ rule identify:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        arguments=lambda w: study_of(w).identification(int(w.chunk)),
+        settings=lambda w: digest(identification_of(w)),
+        arguments=lambda wildcards, output: identification_of(wildcards),
         library=library("workflow/scripts/identify.py"),
     script:
         "../scripts/identify.py"
@@ -75,12 +70,6 @@ use rule identify as sweep with:
 
 # What the trials are compared with: Cramér-Rao bounds, and lengths of records that pilots ask for.
 rule predict:
-    input:
-        settings=lambda w: settings_file(
-            study_of(w),
-            "predictions",
-            study_of(w).prediction(notebook_of(w).predictions),
-        ),
     output:
         table="results/tables/{study}-predictions.parquet",
     log:
@@ -94,7 +83,8 @@ rule predict:
         mem_mb=memory,
         runtime=half_hour,
     params:
-        arguments=lambda w: study_of(w).prediction(notebook_of(w).predictions),
+        settings=lambda w: digest(prediction_of(w)),
+        arguments=lambda wildcards, output: prediction_of(wildcards),
         library=library("workflow/scripts/predict.py"),
     script:
         "../scripts/predict.py"
@@ -105,7 +95,6 @@ rule predict:
 rule table:
     input:
         chunks=lambda w: chunk_files("scores", study_of(w)),
-        settings=lambda w: settings_file(study_of(w), "table", study_of(w).chunks),
     output:
         table="results/tables/{study}-trials.parquet",
     log:
@@ -121,6 +110,7 @@ rule table:
         mem_mb=memory,
         runtime=half_hour,
     params:
+        settings=lambda w: digest(study_of(w).chunks),
         rows=lambda w: study_of(w).rows,
         library=library("workflow/scripts/table.py"),
     script:

@@ -107,9 +107,8 @@ with running(snakemake):
         note, faults = "", ""  # pages of recordings have their own
         if "table_file" in study:
             note, faults = study_page.render_faults()
-        link = f'<p><a href="../notebooks/{study["study"]}.ipynb">The code of this page</a></p>'
-        body = f"{body}{faults}{link}"
-        page = render_page(study["title"], body, note=note, index="../index.html")
+        body = f"{body}{faults}{study_page.render_sources()}"
+        page = render_page(study_page.title, body, note=note, index="../index.html")
     else:
         page = render_page(parameters["title"], body, note="", index="index.html")
     report = next(path for path in snakemake.output if path.endswith(".html"))

@@ -202,7 +202,7 @@ def parameter_row(trial: Trials, estimate: Estimate) -> dict[str, Any]:
     row |= {name: diagnostics[name] for name in ROW_DIAGNOSTICS if name in diagnostics}
     settings = prepared.trial.attrs if "torque_reflex" in prepared.trial else {}
     if {"omega_n", "zeta"} <= set(settings) and "poles" in diagnostics:
-        row |= _pole_error(np.asarray(diagnostics["poles"]), estimate, settings)
+        row |= _compare_poles(np.asarray(diagnostics["poles"]), estimate, settings)
     if "selection" in diagnostics:
         selection = diagnostics["selection"]
         chosen = selection["chosen"].items()
@@ -227,16 +227,20 @@ def list_parameters(estimate: Estimate) -> dict[str, float]:
     return values
 
 
-def _pole_error(
+def _compare_poles(
     poles: np.ndarray, estimate: Estimate, settings: Mapping[str, Any]
 ) -> dict[str, float]:
-    """Largest distance between a pole and the true one that it stands for; none for a model of another order."""
+    """True spectral radius at the rate of the identification, and the error of the poles.
+
+    That is the largest distance between a pole and the true one that it stands for; a model of another order has none.
+    """
     dynamics = ReflexDynamics(settings["omega_n"], settings["zeta"], settings.get("pole"))
     truth = np.linalg.eigvals(dynamics.matrices(estimate.torque.attrs["identification_rate"])[0])
-    if poles.size != truth.size:
-        return {}
-    errors = [np.abs(poles - np.array(order)).max() for order in permutations(truth)]
-    return {"pole_error": float(min(errors))}
+    row = {"spectral_radius_true": float(np.abs(truth).max())}
+    if poles.size == truth.size:
+        errors = [np.abs(poles - np.array(order)).max() for order in permutations(truth)]
+        row["pole_error"] = float(min(errors))
+    return row
 
 
 def true_trajectories(

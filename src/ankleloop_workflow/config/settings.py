@@ -51,12 +51,12 @@ def _union_of_methods() -> Any:
         Union[models],  # noqa: UP007 # of a list
         Field(discriminator="method"),
         WrapValidator(_check_method),
-        _OrRegistered(),
+        _OrOther(),
     ]
 
 
-class _OrRegistered:
-    """Lets the JSON schema have methods that other packages register."""
+class _OrOther:
+    """Lets the JSON schema have methods that other packages register, and null for one that is left out."""
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
@@ -67,7 +67,11 @@ class _OrRegistered:
             "properties": {"method": {"type": "string", "not": {"enum": list(METHODS)}}},
             "required": ["method"],
         }
-        return {"anyOf": [handler(schema), registered]}
+        left_out = {
+            "description": "Leaves out a method that a file before this one has.",
+            "type": "null",
+        }
+        return {"anyOf": [handler(schema), registered, left_out]}
 
 
 def _check_method(value: Any, check_built_in: Callable[[Any], Any]) -> Any:
@@ -145,6 +149,16 @@ class _StudySettings(Options):
     methods: Methods = option(
         description="methods by the names that tables and figures use", min_length=1
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _leave_out_methods(cls, values: Any) -> Any:
+        """Without methods that are null, by which a file leaves out those of a file before it."""
+        methods = values.get("methods") if isinstance(values, Mapping) else None
+        if not isinstance(methods, Mapping):
+            return values
+        kept = {name: method for name, method in methods.items() if method is not None}
+        return {**values, "methods": kept}
 
     @model_validator(mode="after")
     def _check_methods(self) -> Self:

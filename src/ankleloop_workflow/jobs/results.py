@@ -81,6 +81,9 @@ def collect_results(
         "tables": list(
             filter(find, [f"tables/{name}.csv" for name in (*table["study"], "economy")])
         ),
+        "trial_tables": list(
+            filter(find, [f"tables/{name}-trials.parquet" for name in table["study"]])
+        ),
         "studies": table.map(_format_cell).rename(columns=STUDY_COLUMNS),
         "study_links": [find(f"reports/{name}.html") for name in table["study"]],
         "figures": _collect_figures(folder, studies),
@@ -92,8 +95,15 @@ def collect_results(
             "Version": f"ankleloop {describe_version(provenance)}",
             "Python": f"{provenance['python']}, {provenance['system']}",
             "Made": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+            "Trials and estimates on disk": _measure_size(folder / "trials", folder / "estimates"),
         },
     }
+
+
+def _measure_size(*folders: Path) -> str:
+    """Size of all files in some folders."""
+    files = (path for folder in folders for path in folder.rglob("*") if path.is_file())
+    return f"{sum(path.stat().st_size for path in files) / 1e6:,.0f} MB"
 
 
 def _list_earlier(folder: Path, studies: Set[str], left_out: Set[str]) -> dict[str, str]:
@@ -113,18 +123,19 @@ def _format_cell(value: Any) -> str:
 
 def _collect_figures(folder: Path, studies: Iterable[Study]) -> Figures:
     """Figures by headings, with the captions that their notebooks give them."""
-    captions = [("Diagrams", DIAGRAM_CAPTIONS)]
+    captions = [("Diagrams", "", DIAGRAM_CAPTIONS)]
     for study in studies:
-        path = folder / "rendered" / study["study"] / "captions.json"
+        name = study["study"]
+        path = folder / "rendered" / name / "captions.json"
         if path.exists():
-            captions.append((study["title"], json.loads(path.read_text(encoding="utf-8"))))
+            captions.append((study["title"], name, json.loads(path.read_text(encoding="utf-8"))))
     figures: Figures = {}
-    for heading, texts in captions:
+    for heading, study_name, texts in captions:
         for name, caption in texts.items():
             paths = {kind: f"figures/{name}.{kind.lower()}" for kind in FIGURE_KINDS}
             files = {kind: path for kind, path in paths.items() if (folder / path).exists()}
             if "PNG" in files:
-                figure = {"name": name, "files": files, "caption": caption}
+                figure = {"name": name, "study": study_name, "files": files, "caption": caption}
                 figures.setdefault(heading, []).append(figure)
     return figures
 

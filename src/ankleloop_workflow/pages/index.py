@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import pandas as pd
-from jinja2 import PackageLoader
 from markupsafe import Markup, escape
 
-from ankleloop_lab.pages.rendering import ENVIRONMENT, render_page, render_table, render_template
+from ankleloop_lab.pages.rendering import render_page, render_table, render_template
+from ankleloop_workflow.pages import TEMPLATES
 from ankleloop_workflow.paper.ledger import (
     FINDING,
     HOLDS,
@@ -21,7 +21,6 @@ from ankleloop_workflow.paper.ledger import (
     tabulate_table1,
 )
 
-TEMPLATES = ENVIRONMENT.overlay(loader=PackageLoader(__package__))
 # Backgrounds that are told apart in print and by readers who do not see red or green; the words stand in them.
 COLOURS = ("#b7dfc2", "#dff0c8", "#eef0c0", "#f3b8a6", "#e3e3e3", "#f6dd9b", "#cfe0f5")
 VERDICT_COLOURS = dict(zip(VERDICTS, COLOURS, strict=True))

@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from ankleloop.joint.estimate import Estimate
 from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
 from ankleloop.quantities import point_column
-from ankleloop_lab.pages.rendering import render_table
+from ankleloop_lab.pages.rendering import render_table, render_template
+from ankleloop_workflow.pages import TEMPLATES
 from ankleloop_workflow.tables.captions import describe_settings, describe_values, typical_point
 from ankleloop_workflow.tables.comparisons import write_table
 from ankleloop_workflow.tables.estimate_tables import load_estimates
@@ -159,6 +160,10 @@ class StudyPage(SimpleNamespace):
         cells = reasons.assign(method=reasons["method"].map(self.labels), example=settings)
         sentence = count_faults(self.details, "see the end of this page")
         return sentence, f"<h2>Failures and warnings</h2>{render_table(cells)}"
+
+    def render_sources(self) -> str:
+        """HTML that links what made the page, and the data behind it."""
+        return render_template("sources.html.j2", TEMPLATES, **vars(self))
 
     def fold(self, note: str = "") -> HTML:
         """Trials and settings of the study, and a note, behind a line that opens them."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from ankleloop.quantities import POINT, SETTINGS
 from ankleloop_workflow.tables.means import list_faults
 
-RATE = 100.0  # Hz, of the identification by default
 NUMBER = r"[+-]?\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
 Settings = Mapping[str, Any]  # of the simulation, by name
 Points = Mapping[str, Settings]  # of a study, by name
@@ -26,16 +24,6 @@ CONDITIONS: dict[str, dict[Any, str]] = {
 def true_values(settings: Settings, names: Iterable[str] = tuple(SETTINGS)) -> dict[str, float]:
     """True values of the parameters that are estimated from simulated trials."""
     return {name: settings[SETTINGS[name]] for name in names}
-
-
-def true_spectral_radius(settings: Settings, rate: float = RATE) -> float:
-    """Magnitude of the largest pole of the simulated reflex low-pass at the rate of the identification [Hz]."""
-    omega_n = settings["omega_n"]
-    poles = np.roots([1.0, 2.0 * settings["zeta"] * omega_n, omega_n**2])
-    decays = list(poles.real)
-    if settings.get("pole"):
-        decays.append(-settings["pole"])
-    return float(np.exp(max(decays) / rate))
 
 
 def describe_condition(name: str, value: Any) -> str:

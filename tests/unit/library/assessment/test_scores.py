@@ -185,3 +185,4 @@ def test_the_error_of_the_poles_is_their_largest_distance_from_the_true_ones(set
     moved = truth[::-1] + 0.01 * np.arange(truth.size)  # in another order
     assert row(moved)["pole_error"] == pytest.approx(0.01 * (truth.size - 1), rel=1e-9)
     assert "pole_error" not in row(truth[1:])  # a model of another order
+    assert row(moved)["spectral_radius_true"] == pytest.approx(np.abs(truth).max(), rel=1e-9)

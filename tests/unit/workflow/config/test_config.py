@@ -1,11 +1,14 @@
 """The configuration: defaults from the library, and errors that name the key."""
 
+import json
 from copy import deepcopy
 
+import jsonschema
 import pytest
 from snakemake.utils import update_config
 
 from ankleloop_lab.checking import ConfigError
+from ankleloop_workflow.config.settings import schema_text
 from ankleloop_workflow.config.study import read_studies
 
 METHOD = ("studies", "table1", "methods", "a")
@@ -20,6 +23,12 @@ def test_every_configuration_of_the_repository_is_valid(config, read_config, ove
     merged = deepcopy(config)
     update_config(merged, read_config(overlay))
     read_studies(merged)
+
+
+def test_null_leaves_out_a_method_of_a_shipped_study(change):
+    changed = change("studies", "voluntary", "methods", "riv", value=None)
+    jsonschema.validate(changed, json.loads(schema_text()))
+    assert "riv" not in read_studies(changed)[1]["voluntary"].methods
 
 
 TABLE1 = ("studies", "table1")

@@ -21,19 +21,20 @@ def read(methods=("pr-moesp", "parallel-cascade"), **changes):
     return read_run({"studies": {"s": study | changes}}, [])[1]["s"]
 
 
+LOOPS = {"methods": ["real-time"], "points": {"closed_loop": [True, False]}}
 REFUSED = [
-    ("table1", "scores", "trials on disk, which keep: scores leaves out: set keep: everything"),
-    ("comparison", "scores", "estimates on disk, which keep: scores leaves out: keep estimates"),
+    ("table1", {}, "trials on disk, which keep: scores leaves out: set keep: everything"),
+    ("traces", LOOPS, "estimates on disk, which keep: scores leaves out: keep estimates"),
 ]
 
 
-@pytest.mark.parametrize(("notebook", "keep", "need"), REFUSED)
+@pytest.mark.parametrize(("notebook", "settings", "need"), REFUSED)
 def test_a_notebook_that_needs_what_is_not_kept_is_refused_before_the_first_job(
-    notebook, keep, need
+    notebook, settings, need
 ):
     with pytest.raises(ConfigError, match=f"studies → s → notebook: {notebook} needs {need}"):
-        read(notebook=notebook, keep=keep)
-    read(notebook=notebook, keep="everything")
+        read(notebook=notebook, keep="scores", **settings)
+    read(notebook=notebook, keep="everything", **settings)
 
 
 def test_notebooks_that_know_settings_alone_refuse_options_before_the_first_job():
