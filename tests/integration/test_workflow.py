@@ -7,9 +7,9 @@ from collections import Counter
 
 import pandas as pd
 import pytest
-import yaml
 
 from ankleloop_workflow.jobs.crate import pack_crate
+from ankleloop_workflow.paper.ledger import read_claims
 
 pytestmark = pytest.mark.workflow
 
@@ -146,7 +146,7 @@ def test_a_reworded_claim_makes_the_article_alone_also_in_a_copy_in_another_fold
     """The copy has the records and the times of its original: it would make again what the original would."""
     copy = tmp_path / "copy"
     shutil.copytree(reproduction, copy)
-    path = copy / "data/published/claims.csv"
+    path = copy / "data/published/claims.yaml"
     path.write_text(path.read_text(encoding="utf-8").replace("good", "very good"), encoding="utf-8")
     arguments = ("--dry-run", "--configfile", "config/reduced.yaml")
     assert (
@@ -176,7 +176,7 @@ def test_the_whole_paper_is_there(reproduction):
                 4_000 if end != "csv" else 500
             )
     ledger = pd.read_csv(reproduction / "results/verification.csv")
-    claims = pd.read_csv(reproduction / "data/published/claims.csv")
+    claims = read_claims(reproduction / "data/published/claims.yaml")
     assert set(claims["id"]) <= set(ledger["id"])
     assert len(ledger[ledger["source"] == "paper"]) == len(claims) + 18
     assert {"net-vaf-hides-bias", "riv-unbiased"} <= set(ledger["id"])

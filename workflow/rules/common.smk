@@ -85,8 +85,8 @@ def repository_file(path):
 
 
 def published_file(name):
-    """A table of a paper."""
-    return repository_file(f"data/published/{name}.csv")
+    """What a paper says."""
+    return repository_file(f"data/published/{name}")
 
 
 def study_of(wildcards):
@@ -110,14 +110,14 @@ def notebook_of(wildcards):
 
 
 def published_of(wildcards):
-    """Tables of papers that the notebook of a study reads."""
+    """What papers say that the notebook of a study reads."""
     return list(map(published_file, notebook_of(wildcards).published))
 
 
 def ledger_of(wildcards):
     """The ledger, and the texts that rest on it, where the run makes it and the notebook of a study reads it."""
     is_read = ARTICLE and "ledger" in notebook_of(wildcards).reads
-    files = map(repository_file, ("data/conclusions.yaml", "data/findings.csv"))
+    files = map(repository_file, ("data/conclusions.yaml", "data/findings.yaml"))
     return ["results/verification.csv", *files] if is_read else []
 
 

@@ -19,7 +19,7 @@ from ankleloop.trials.trial_files import load_trials
 from ankleloop_workflow.jobs.job import running
 from ankleloop_workflow.paper.checks import StudyResults
 from ankleloop_workflow.paper.economy import measure_economy
-from ankleloop_workflow.paper.ledger import verify
+from ankleloop_workflow.paper.ledger import read_claims, verify
 from ankleloop_workflow.tables.trial_tables import read_trial_table
 
 with running(snakemake):
@@ -35,5 +35,6 @@ with running(snakemake):
             labels=study["labels"],
         )
     published = {Path(path).stem: pd.read_csv(path) for path in snakemake.input.published}
+    published |= {Path(path).stem: read_claims(path) for path in snakemake.input.claims}
     ledger = verify(published, studies, economy)
     write_csv(ledger, snakemake.output.ledger, overwrite=True)

@@ -76,7 +76,7 @@ class Notebook(Options):
     reads: list[Literal["trials", "estimates", "points", "ledger"]] = option(
         ["points"], "what it reads beside the table of all trials"
     )
-    published: list[str] = option([], "tables of papers that it reads, in data/published")
+    published: list[str] = option([], "files that it reads, in data/published")
     predictions: dict[Prediction, int] = option(
         {}, "kinds of predictions that it reads, each with its number of seeds"
     )

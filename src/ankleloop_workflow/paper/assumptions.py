@@ -23,7 +23,7 @@ from ankleloop_workflow.paper.checks import (
 from ankleloop_workflow.paper.judgement import Mean
 
 # Settings at which claims on Table 1 are judged, in the place of which those that are drawn come here.
-TABLE1 = "reflex_gain: 13, voluntary: 0.05, snr_db: 10"
+TABLE1 = {"reflex_gain": 13, "voluntary": 0.05, "snr_db": 10}
 NEAREST = 10  # settings that have most of the numbers of Table 1
 
 
@@ -34,7 +34,8 @@ def judge_settings(claims: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
     """
     means = find_means(results)
     held = {}
-    on_table1 = claims[claims["settings"] == TABLE1].dropna(subset="comparisons")
+    is_on_table1 = [settings == TABLE1 for settings in claims["settings"]]
+    on_table1 = claims[is_on_table1].dropna(subset="comparisons")
     for claim in on_table1.itertuples():
         with suppress(KeyError):  # of a method that the study does not have
             held[claim.id] = _judge(Case(claim, {}, pd.DataFrame()), means)

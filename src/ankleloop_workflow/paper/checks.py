@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop_workflow.paper import judgement
@@ -87,14 +86,14 @@ class Case:
     @cached_property
     def settings(self) -> dict[str, Any]:
         """Settings of the points that the claim needs; a list where it needs several values."""
-        text = self.claim.settings
-        return yaml.safe_load(f"{{{text}}}") if isinstance(text, str) else {}
+        settings = self.claim.settings
+        return settings if isinstance(settings, dict) else {}
 
     @property
     def comparisons(self) -> dict[str, dict[str, Any]]:
         """What means over trials are compared with, by its label; see `check_means`."""
-        text = self.claim.comparisons
-        return yaml.safe_load(text) if isinstance(text, str) else {}
+        comparisons = self.claim.comparisons
+        return comparisons if isinstance(comparisons, dict) else {}
 
     def study(self, name: str) -> StudyResults:
         """Results of a study."""

@@ -11,7 +11,7 @@ import yaml
 
 from ankleloop.trials.files import PathLike
 from ankleloop_workflow.paper import checks, judgement
-from ankleloop_workflow.paper.assumptions import measure_assumptions
+from ankleloop_workflow.paper.assumptions import TABLE1, measure_assumptions
 from ankleloop_workflow.paper.checks import DRAWN, Case, MissingEvidence, Row, StudyResults
 from ankleloop_workflow.tables.comparisons import format_pairs, format_rows
 
@@ -31,6 +31,7 @@ MEANS = {
     "table1": "mean VAF [%]",
     "table2": "mean VAF of a simulated stand-in, as the recording is not public [%]",
 }
+SETTINGS = {"table1": TABLE1, "table2": {}}  # of the points that are compared
 LEDGER_COLUMNS = (
     "id",
     "section",
@@ -78,15 +79,31 @@ def verify(
     return claims.join(pd.DataFrame(results)).reindex(columns=LEDGER_COLUMNS)
 
 
+def read_claims(path: PathLike) -> pd.DataFrame:
+    """Claims from a YAML file, a row for each, with its name as `id`."""
+    claims = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    return pd.DataFrame([{"id": name, **claim} for name, claim in claims.items()])
+
+
 def claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:
     """Numbers of a published table as claims, with the label of the method."""
     method, torque = table["method"], table["torque"]
     label = method.replace(dict(labels))
-    mean = f"mean: {name} vaf_" + torque + "_" + table["against"] + " " + method
+    comparisons = [
+        {
+            "": {
+                "mean": f"{name} vaf_{number.torque}_{number.against} {number.method}",
+                "from": number.paper,
+                "accept": "within",
+            }
+        }
+        for number in table.itertuples()
+    ]
     return table.assign(
         id=f"{name}/" + method + "/" + torque,
         check=f"means {MEANS[name]}",
-        comparisons="'': {" + mean + ", from: " + table["paper"].astype(str) + ", accept: within}",
+        comparisons=comparisons,
+        settings=[SETTINGS[name]] * len(table),
         section=SECTIONS[name],
         statement=torque + " torque by " + label,
         method=label,

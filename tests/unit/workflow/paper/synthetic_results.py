@@ -10,11 +10,11 @@ import pandas as pd
 
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop_workflow.paper.checks import StudyResults
-from ankleloop_workflow.paper.ledger import verify
+from ankleloop_workflow.paper.ledger import read_claims, verify
 
 PUBLISHED = Path(__file__).parents[4] / "data" / "published"
-CLAIMS = pd.read_csv(PUBLISHED / "claims.csv")
-FINDINGS = pd.read_csv(PUBLISHED.parent / "findings.csv")
+CLAIMS = read_claims(PUBLISHED / "claims.yaml")
+FINDINGS = read_claims(PUBLISHED.parent / "findings.yaml")
 TABLES = {name: pd.read_csv(PUBLISHED / f"{name}.csv") for name in ("table1", "table2")}
 PAPER = {(n.method, n.torque): n.paper for n in TABLES["table1"].itertuples()}
 LOOPS = [{"closed_loop": loop} for loop in (True, False)]
