@@ -57,7 +57,7 @@ def run_jobs(study, folder):
         identify_trials(trials, files, study.name, **arguments)
         scores.append(files["scores"])
     table = folder / f"{study.name}-trials.parquet"
-    join_tables(table, scores, study.rows, table.with_suffix(".csv"))
+    join_tables(table, table.with_suffix(".csv"), scores, rows=study.rows)
     return SimpleNamespace(table=table, scores=scores, estimates=estimates, trials=trial_files)
 
 

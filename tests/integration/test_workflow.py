@@ -39,7 +39,7 @@ SUMMARIES = {"verify": 1, "article": 1, "index": 1}
 
 
 def report_jobs(study, figures):
-    return {f"small_table {study}": 1, f"report {study}": 1, f"figure {study}": figures}
+    return {f"table {study}": 1, f"report {study}": 1, f"figure {study}": figures}
 
 
 def page(path):
@@ -132,7 +132,7 @@ def test_a_changed_reader_of_the_desk_analyses_recordings_again_and_nothing_else
     touch("ankleloop_lab/files/csv_files.py")
     rules = {job.split()[0] for job in plan()}
     assert "recordings" in rules
-    assert not rules & {"simulate", "identify", "small_table", "verify", "article"}
+    assert not rules & {"simulate", "identify", "table", "verify", "article"}
 
 
 def test_a_changed_rule_of_verdicts_concerns_the_article_alone(plan, touch):

@@ -92,7 +92,7 @@ def test_other_folders_have_results_of_their_own(clean, snakemake, complete, tin
     shutil.rmtree(folder / ".snakemake")
     entry = ("--snakefile", str(clean / "workflow/Snakefile"), "--dry-run")
     jobs = count_jobs(run(*entry, seed=2, folder=folder))
-    assert jobs == {"identify": 1, "simulate": 1, "small_table": 1}
+    assert jobs == {"identify": 1, "simulate": 1, "table": 1}
     assert "Nothing to be done" in run(*entry, folder=folder)
     assert not (clean / "results").exists()
 

@@ -16,7 +16,6 @@ from ankleloop_workflow.config.run import (
 from ankleloop_workflow.config.study import RecordedStudy, SimulatedStudy
 from snakemake.logging import logger
 
-MOST_TEXT_ROWS = 10_000  # of a table of trials that is written as CSV, too
 
 # Jobs keep the memory that they have freed: the first touch of new memory can cost more than the numbers in it.
 os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(2**30))
@@ -53,8 +52,6 @@ def names_keeping(*kinds):
 
 
 RECORDED = alternatives(set(STUDIES) - set(SIMULATED))
-# Studies whose table of all trials is small: it is written as CSV, too.
-SMALL = {name for name, study in SIMULATED.items() if study.rows <= MOST_TEXT_ROWS}
 
 
 wildcard_constraints:
@@ -227,8 +224,6 @@ def targets():
             paths.append(f"results/reports/{study.name}")
         else:
             paths += [table_file(study), *prediction_files(study)]
-            if study.name in SMALL:
-                paths.append(f"results/tables/{study.name}-trials.csv")
         if study.settings.notebook:
             paths += [f"results/reports/{study.name}.html", *figure_files(study)]
             paths.append(f"results/notebooks/{study.name}.ipynb")

@@ -90,19 +90,17 @@ rule predict:
         "../scripts/predict.py"
 
 
-# All trials of a study in one table: a row for each point, method and trial, with scores and parameters. Small ones are
-# written as CSV, too.
+# All trials of a study in one table: a row for each point, method and trial, with scores and parameters; as CSV, too.
 rule table:
     input:
         chunks=lambda w: chunk_files("scores", study_of(w)),
     output:
         table="results/tables/{study}-trials.parquet",
+        text="results/tables/{study}-trials.csv",
     log:
         "logs/table/{study}.log",
     benchmark:
         "logs/table/{study}.tsv"
-    wildcard_constraints:
-        study=alternatives(set(SIMULATED) - SMALL),
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
@@ -115,11 +113,3 @@ rule table:
         library=library("workflow/scripts/table.py"),
     script:
         "../scripts/table.py"
-
-
-use rule table as small_table with:
-    output:
-        table="results/tables/{study}-trials.parquet",
-        text="results/tables/{study}-trials.csv",
-    wildcard_constraints:
-        study=alternatives(SMALL),

@@ -9,7 +9,7 @@ from ankleloop.trials.files import atomic_file
 from ankleloop_lab.provenance import read_provenance
 from ankleloop_workflow.jobs.crate import write_crate
 from ankleloop_workflow.jobs.job import running
-from ankleloop_workflow.jobs.results import collect_results, tabulate_recordings
+from ankleloop_workflow.jobs.results import collect_results, report_versions, tabulate_recordings
 from ankleloop_workflow.pages.index import render_index, render_ledger
 from ankleloop_workflow.paper.ledger import read_conclusions
 
@@ -29,7 +29,15 @@ with running(snakemake):
     output = snakemake.output
     studies = snakemake.params.studies
     folder = Path(output.index).parent
-    provenance = read_provenance(snakemake.params.repository)
+    tables = [*map(Path, snakemake.input.results), *map(Path, snakemake.input.tables)]
+    provenance = report_versions(
+        read_provenance(snakemake.params.repository),
+        [
+            path
+            for path in tables
+            if path.name.endswith("-trials.parquet") or "scores" in path.parts
+        ],
+    )
     write_json(output.configuration, snakemake.params.configuration)
     write_json(output.provenance, provenance)
     ledger = pd.read_csv(snakemake.input.ledger[0]) if output.ledger else None

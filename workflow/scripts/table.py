@@ -5,5 +5,4 @@ from ankleloop_workflow.tables.trial_tables import join_tables
 
 with running(snakemake):
     output = snakemake.output
-    rows = snakemake.params.rows
-    join_tables(output.table, snakemake.input.chunks, rows, output.get("text"))
+    join_tables(output.table, output.text, snakemake.input.chunks, rows=snakemake.params.rows)

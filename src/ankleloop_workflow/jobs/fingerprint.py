@@ -12,14 +12,13 @@ import json
 import re
 from collections.abc import Iterable
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
 from ankleloop.methods.entry_points import list_packages
 from ankleloop.trials.files import PathLike
+from ankleloop_workflow.tables.versions import read_versions
 
 PACKAGES = ("ankleloop", "ankleloop_lab", "ankleloop_workflow")
-COMPUTING = ("numpy", "scipy", "numba", "control")  # packages whose versions may change numbers
 LIBRARY = Path(__file__).parents[2]  # folder of the packages
 REGISTRY = LIBRARY / "ankleloop" / "methods" / "registry.py"
 # How an estimate is drawn and put into words changes no number: these imports of a module are not followed.
@@ -45,8 +44,8 @@ def fingerprint(*scripts: PathLike) -> str:
     reach the registry: the provenance of results, written at their end, then holds for all of them.
     """
     digest = hashlib.sha256()
-    for package in COMPUTING:
-        digest.update(f"{package} {version(package)}\n".encode())
+    for package, version in read_versions().items():
+        digest.update(f"{package} {version}\n".encode())
     files = reached_files(*scripts)
     for path in sorted(files):
         digest.update(f"{path.relative_to(LIBRARY)} {hash_file(path)}\n".encode())

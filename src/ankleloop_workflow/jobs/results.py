@@ -14,6 +14,8 @@ from typing import Any
 
 import pandas as pd
 
+from ankleloop_workflow.tables.trial_tables import list_versions
+
 TITLE = "Results of ankleloop: intrinsic and reflex joint stiffness identified in closed loop"
 METADATA = "ro-crate-metadata.json"  # of the run, written after its pages
 # Pages and files of the whole run, in the order of the list.
@@ -52,6 +54,13 @@ def describe_version(provenance: Provenance) -> str:
     """Version and commit of the program, and whether its files differ from the commit, as PEP 440 writes them."""
     local = [provenance["commit"][:12], "changed" if provenance["changed"] else ""]
     return "+".join(filter(None, [provenance["version"], ".".join(filter(None, local))]))
+
+
+def report_versions(provenance: Provenance, tables: Iterable[Path]) -> Provenance:
+    """Provenance with the versions that made tables, several where they differ, in the place of those installed now."""
+    made = pd.DataFrame(list_versions(tables))
+    versions = {name: " and ".join(sorted(set(made[name]))) for name in made}
+    return {**provenance, "packages": {**provenance["packages"], **versions}}
 
 
 def collect_results(

@@ -5,8 +5,9 @@ The job of a chunk writes its rows with their types; the table of the study is t
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -22,6 +23,7 @@ from ankleloop.trials.files import PathLike, atomic_file, check_readable, write_
 from ankleloop.trials.readable_files import name_errors
 from ankleloop_workflow.tables.captions import label_axis
 from ankleloop_workflow.tables.outcomes import Labels
+from ankleloop_workflow.tables.versions import read_versions
 
 REMEDY = "delete it, and run again"
 FAULT_COLUMNS = ("failure", "warnings")  # the last ones
@@ -32,6 +34,7 @@ COLUMN_TYPES = {
     **dict.fromkeys(("trial", "order", "passes", "cycles"), pa.int64()),
     **dict.fromkeys(("converged", "stable"), pa.bool_()),
 }
+VERSIONS = b"ankleloop.versions"  # in the metadata of a table
 ENDS = ("_low", "_high")  # of the 95 % interval of a quantity
 
 
@@ -48,16 +51,26 @@ def as_table(rows: Sequence[Mapping[str, Any]], types: Mapping[str, pa.DataType]
     return pa.table(columns)
 
 
-def save_table(table: pa.Table, path: PathLike) -> None:
-    """Write the table of a job."""
+def save_table(table: pa.Table, path: PathLike, sources: Sequence[PathLike] = ()) -> None:
+    """Write the table of a job with the versions of the packages that compute, or those of the tables that it joins."""
+    versions = list_versions(sources) if sources else [read_versions()]
+    metadata = {**(table.schema.metadata or {}), VERSIONS: json.dumps(versions)}
+    table = table.replace_schema_metadata(metadata)
     with atomic_file(path, overwrite=True) as partial:
         parquet.write_table(table, partial, compression="zstd", write_page_checksum=True)
 
 
-def join_tables(
-    path: PathLike, chunks: Sequence[PathLike], rows: int, text: PathLike | None = None
-) -> None:
-    """Join the tables of all chunks.
+def list_versions(paths: Iterable[PathLike]) -> list[dict[str, str]]:
+    """Versions of the packages that made some tables, each set of them once."""
+    made = []
+    for path in paths:
+        metadata = _read_schema(path).metadata or {}
+        made += [versions for versions in json.loads(metadata[VERSIONS]) if versions not in made]
+    return made
+
+
+def join_tables(path: PathLike, text: PathLike, chunks: Sequence[PathLike], *, rows: int) -> None:
+    """Join the tables of all chunks, and write them as Parquet and as text.
 
     Neither rows nor their order depend on how the trials are divided into chunks.
     """
@@ -72,9 +85,8 @@ def join_tables(
     reasons = set(table["failure"].unique().to_pylist())
     if None not in reasons:
         raise DataError(f"no trial of the study could be identified by any method: {min(reasons)}")
-    save_table(table, path)
-    if text is not None:
-        write_csv(table.to_pandas(integer_object_nulls=True), text, overwrite=True)
+    save_table(table, path, sources=chunks)
+    write_csv(table.to_pandas(integer_object_nulls=True), text, overwrite=True)
 
 
 def read_trial_table(path: PathLike) -> pd.DataFrame:

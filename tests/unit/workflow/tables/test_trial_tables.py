@@ -1,5 +1,7 @@
 """The table of all trials of a study: types of its columns, and refusal of what is not whole."""
 
+from importlib.metadata import version
+
 import pandas as pd
 import pytest
 from pyarrow import parquet
@@ -8,7 +10,14 @@ from study_jobs import run_jobs
 from ankleloop import DataError
 from ankleloop.methods.registry import METHODS
 from ankleloop_workflow.config.study import read_studies
-from ankleloop_workflow.tables.trial_tables import join_tables, read_results, read_trial_table
+from ankleloop_workflow.jobs.results import report_versions
+from ankleloop_workflow.tables import trial_tables
+from ankleloop_workflow.tables.trial_tables import (
+    join_tables,
+    read_results,
+    read_trial_table,
+    save_table,
+)
 
 UNSTABLE = {"load_inertia": 0.1, "load_viscosity": 5.0, "load_stiffness": 100.0}
 POINTS = [
@@ -97,11 +106,26 @@ def test_text_that_a_spreadsheet_would_compute_gets_a_quote(tmp_path):
 
 
 def test_missing_rows_and_missing_files_are_refused(results, tmp_path):
+    files = (tmp_path / "t.parquet", tmp_path / "t.csv")
     with pytest.raises(DataError, match=r"have 54 of 55 rows"):
-        join_tables(tmp_path / "t.parquet", results.scores, rows=55)
+        join_tables(*files, results.scores, rows=55)
     with pytest.raises(DataError, match="there is no such file"):
-        join_tables(tmp_path / "t.parquet", [tmp_path / "scores-9.parquet"], rows=1)
+        join_tables(*files, [tmp_path / "scores-9.parquet"], rows=1)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_table_carries_the_versions_that_made_its_parts(results, tmp_path, monkeypatch):
+    """Parts that two versions of SciPy have made: the provenance of the run names both, and not what is installed."""
+    installed = {"numpy": "1", "scipy": "9.9", "numba": "1", "control": "1"}
+    monkeypatch.setattr(trial_tables, "read_versions", lambda: installed)
+    first, *others = results.scores
+    save_table(parquet.read_table(first), tmp_path / "0.parquet")
+    files = (tmp_path / "t.parquet", tmp_path / "t.csv")
+    join_tables(*files, [tmp_path / "0.parquet", *others], rows=54)
+    packages = {"numpy": "3", "pandas": "4"}
+    reported = report_versions({"packages": packages}, [tmp_path / "t.parquet"])["packages"]
+    assert reported["scipy"] == f"{version('scipy')} and 9.9"
+    assert reported["pandas"] == "4"
 
 
 def test_a_study_without_any_estimate_is_refused_with_a_reason(tmp_path):
