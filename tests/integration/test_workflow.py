@@ -5,8 +5,10 @@ import re
 import shutil
 from collections import Counter
 
+import nbformat
 import pandas as pd
 import pytest
+from nbclient import NotebookClient
 
 from ankleloop_workflow.jobs.crate import pack_crate
 from ankleloop_workflow.paper.ledger import read_claims
@@ -152,6 +154,19 @@ def test_a_reworded_claim_makes_the_article_alone_also_in_a_copy_in_another_fold
     assert (
         count_jobs(snakemake(copy, *arguments, ANKLELOOP_RECORDINGS=str(laboratory))) == SUMMARIES
     )
+
+
+@pytest.mark.parametrize("name", ["table1", "figure4", "comparison"])
+def test_a_notebook_runs_with_its_defaults_where_the_paper_was_reproduced(reproduction, name):
+    """As who opens it in Jupyter does; the results stay those of the run."""
+    path = reproduction / "notebooks" / f"{name}.ipynb"
+    notebook = nbformat.read(path, as_version=4)
+    figures = sorted((reproduction / "results/rendered").rglob("*.png"))
+    times = [figure.stat().st_mtime_ns for figure in figures]
+    NotebookClient(notebook, resources={"metadata": {"path": str(path.parent)}}).execute()
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    assert any("image/png" in output.get("data", {}) for output in outputs)
+    assert [figure.stat().st_mtime_ns for figure in figures] == times
 
 
 def test_changed_pages_are_made_again(plan, touch):

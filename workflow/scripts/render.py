@@ -49,9 +49,13 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
     return executed
 
 
-def write_executed(notebook: nbformat.NotebookNode, path: str) -> None:
-    """Write an executed notebook, which runs from its folder, without times: the same bytes for the same outputs."""
+def write_executed(notebook: nbformat.NotebookNode, study: Mapping, path: str) -> None:
+    """Write an executed notebook, which runs from its folder, without times: the same bytes for the same outputs.
+
+    The study stands in its metadata, where `ankleloop_workflow.pages.study_page.open_study` looks for it.
+    """
     notebook.metadata.pop("papermill", None)
+    notebook.metadata["study"] = study
     for cell in notebook.cells:
         cell.metadata.pop("papermill", None)
         cell.metadata.pop("execution", None)
@@ -103,7 +107,7 @@ with running(snakemake):
     log.info("executed %s", notebook)
     # The article shows several studies, each of which has a page of its own in a folder.
     if study_page:
-        write_executed(executed, snakemake.output.code)
+        write_executed(executed, study, snakemake.output.code)
         note, faults = "", ""  # pages of recordings have their own
         if "table_file" in study:
             note, faults = study_page.render_faults()

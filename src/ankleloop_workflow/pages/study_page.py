@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import html
+import json
+import os
+import tempfile
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pandas as pd
 from IPython.display import HTML, Image, Markdown, display
@@ -170,6 +174,33 @@ class StudyPage(SimpleNamespace):
         parts = [note, self._conditions(), count_faults(self.details)]
         text = html.escape(" ".join(filter(None, parts)))
         return HTML(f"<details><summary>Trials and settings</summary><p>{text}</p></details>")
+
+
+def open_study(study: Mapping[str, Any] | str) -> StudyPage:
+    """The page of a study as the workflow gives it, or by the name of a study that a run has made.
+
+    By its name the study is that of `results/notebooks/NAME.ipynb`, below this folder or one above it, which becomes
+    the working folder since the paths of files count from there. What the notebook draws then goes into a folder of
+    its own, so that the results stay those of the run.
+
+    Raises
+    ------
+    FileNotFoundError
+        If no run has made the study.
+    """
+    if not isinstance(study, str):
+        return StudyPage(**study)
+    path = f"results/notebooks/{study}.ipynb"
+    folders = [folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / path).exists()]
+    if not folders:
+        raise FileNotFoundError(
+            f"no run has made the study {study!r}, whose files {path} lists: run make, or make beyond, or set study to "
+            "the name of a study that was run."
+        )
+    os.chdir(folders[0])
+    own = Path(tempfile.mkdtemp(prefix="ankleloop-")) / study
+    parameters = json.loads(Path(path).read_text(encoding="utf-8"))["metadata"]["study"]
+    return StudyPage(**{**parameters, "table_stem": str(own), "figure_stem": str(own)})
 
 
 def show_picture(path: str, caption: str, width: int = 980) -> None:
