@@ -21,7 +21,7 @@ ENTRY, CONFIG = [code for language, code in BLOCKS if language == "yaml"]
 METADATA = {"kernelspec": {"name": "python3", "language": "python", "display_name": "Python 3"}}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def results(copy_repository, snakemake):
     """Results of the study of the page, by its notebook."""
     repository = copy_repository()
@@ -62,3 +62,20 @@ def test_figure_table_and_page(results):
     NotebookClient(again, resources={"metadata": {"path": str(path.parent)}}).execute()
     tables = [find_tables(notebook.cells[-1]) for notebook in (executed, again)]
     assert tables[0] == tables[1] != []
+
+
+def test_the_page_of_results_says_what_failed_until_a_run_is_complete(results, snakemake):
+    repository = results.parent
+    path = repository / "notebooks" / "gain.ipynb"
+    code = path.read_text(encoding="utf-8")
+    path.write_text(code.replace("format_means(summary", "no_means(summary"), encoding="utf-8")
+    arguments = (repository, "--configfile", "config/mine.yaml")
+    snakemake(*arguments, check=False)
+    page = (results / "index.html").read_text(encoding="utf-8")
+    assert "The last run has failed" in page
+    assert "rule report, study mine: " in page
+    assert "no_means" in page
+    path.write_text(code, encoding="utf-8")
+    snakemake(*arguments)
+    assert "failed" not in (results / "index.html").read_text(encoding="utf-8")
+    assert (results / "ro-crate-metadata.json").exists()

@@ -16,7 +16,6 @@ from ankleloop_workflow.config.run import (
 from ankleloop_workflow.config.study import RecordedStudy, SimulatedStudy
 from snakemake.logging import logger
 
-
 # Jobs keep the memory that they have freed: the first touch of new memory can cost more than the numbers in it.
 os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(2**30))
 os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**31))
@@ -214,6 +213,16 @@ def article_files(study, folder):
             for name in captions_of(study)
         },
     }
+
+
+def recording_tables():
+    """Tables of scores of all recordings."""
+    return [
+        path
+        for study in RUN
+        if isinstance(study, RecordedStudy)
+        for path in chunk_files("scores", study)
+    ]
 
 
 def targets():

@@ -9,12 +9,7 @@ rule index:
             for study in RUN
             if study.settings.notebook
         ],
-        tables=[
-            path
-            for study in RUN
-            if isinstance(study, RecordedStudy)
-            for path in chunk_files("scores", study)
-        ],
+        tables=recording_tables(),
         ledger=["results/verification.csv"] if ARTICLE else [],
     output:
         metadata="results/ro-crate-metadata.json",

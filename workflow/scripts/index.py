@@ -8,10 +8,10 @@ import pandas as pd
 from ankleloop.trials.files import atomic_file
 from ankleloop_lab.provenance import read_provenance
 from ankleloop_workflow.jobs.crate import write_crate
+from ankleloop_workflow.jobs.index import write_index
 from ankleloop_workflow.jobs.job import running
-from ankleloop_workflow.jobs.results import collect_results, report_versions, tabulate_recordings
-from ankleloop_workflow.pages.index import render_index, render_ledger
-from ankleloop_workflow.paper.ledger import read_conclusions
+from ankleloop_workflow.jobs.results import report_versions
+from ankleloop_workflow.pages.index import render_ledger
 
 
 def write_text(path: str, text: str) -> None:
@@ -27,7 +27,6 @@ def write_json(path: str, content: dict) -> None:
 
 with running(snakemake):
     output = snakemake.output
-    studies = snakemake.params.studies
     folder = Path(output.index).parent
     tables = [*map(Path, snakemake.input.results), *map(Path, snakemake.input.tables)]
     provenance = report_versions(
@@ -43,10 +42,14 @@ with running(snakemake):
     ledger = pd.read_csv(snakemake.input.ledger[0]) if output.ledger else None
     for path in output.ledger:
         write_text(path, render_ledger(ledger))
-    recordings = tabulate_recordings(map(Path, snakemake.input.tables))
-    results = collect_results(folder, studies, recordings, provenance, ledger)
-    conclusions = read_conclusions(snakemake.input.conclusions)
-    write_text(output.index, render_index(results, ledger, conclusions))
+    results = write_index(
+        folder,
+        snakemake.params.studies,
+        recordings=map(Path, snakemake.input.tables),
+        provenance=provenance,
+        conclusions=snakemake.input.conclusions,
+        ledger=ledger,
+    )
     figures = [figure for part in results["figures"].values() for figure in part]
     linked = [path for figure in figures for path in figure["files"].values()]
     linked += [*results["tables"], *results["links"].values()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import pandas as pd
 from markupsafe import Markup, escape
@@ -41,11 +41,15 @@ LEDGER_COLUMNS = [
 
 
 def render_index(
-    results: Mapping[str, object], ledger: pd.DataFrame | None, conclusions: Conclusions
+    results: Mapping[str, object],
+    ledger: pd.DataFrame | None,
+    conclusions: Conclusions,
+    failures: Sequence[Mapping[str, str]] = (),
 ) -> str:
-    """Page that lists all results; it opens with what was found, where there is a ledger.
+    """Page that lists all results; it opens with what failed, or with what was found, where there is a ledger.
 
-    The results are those of `ankleloop_workflow.jobs.results.collect_results`.
+    The results are those of `ankleloop_workflow.jobs.results.collect_results`, the failures those of
+    `ankleloop_workflow.jobs.index.list_failures`.
     """
     opening: dict[str, object] = {}
     if ledger is not None:
@@ -58,7 +62,9 @@ def render_index(
             "sentences": markdown2html(sentences),
             "table1": render_table1(ledger),
         }
-    body = render_template("index.html.j2", TEMPLATES, **results, opening=opening)
+    body = render_template(
+        "index.html.j2", TEMPLATES, **results, opening=opening, failures=failures
+    )
     return render_page("Results", body, local_pictures=True)
 
 
