@@ -100,12 +100,9 @@ class StudyPage(SimpleNamespace):
             )
 
     def show_figure(
-        self, figure: Figure, name: str, caption: str, note: str | None = "", *, width: int = 980
+        self, figure: Figure, name: str, caption: str, note: str = "", *, width: int = 980
     ) -> None:
-        """Save a figure, and show it with its caption; settings, warnings and a note are folded below.
-
-        Without a note (None) nothing is.
-        """
+        """Save a figure, and show it with its caption and a note that is folded below."""
         self.check_figure(name)
         if getattr(figure, "data", None) is None:
             raise ValueError(
@@ -114,8 +111,7 @@ class StudyPage(SimpleNamespace):
             )
         save_figure(figure, f"{self.figure_stem}-{name}", overwrite=True)
         show_picture(f"{self.figure_stem}-{name}.png", caption, width)
-        if note is not None:
-            display(self.fold(note))
+        show_note(note)
 
     def check_figure(self, name: str) -> None:
         """Refuse a figure that the list of notebooks does not have: nobody would find it among the results."""
@@ -144,10 +140,11 @@ class StudyPage(SimpleNamespace):
         """Show a table with its caption; `table` is written as CSV, and the cells as Markdown beside it."""
         note = f"{note} {MEANS}".strip()
         if table is not None:
-            write_table(table, self.table_stem, cells, f"{caption} {note} {self._conditions()}")
-        display(HTML(render_table(cells)), Markdown(caption), self.fold(note))
+            write_table(table, self.table_stem, cells, f"{caption} {note} {self.describe()}")
+        display(HTML(render_table(cells)), Markdown(caption))
+        show_note(note)
 
-    def _conditions(self) -> str:
+    def describe(self) -> str:
         """Number of trials at each point and the settings that they share."""
         settings = describe_settings(self.points[self.typical], self.varied)
         return f"{self.details['trial'].nunique()} trials at each point; {settings}."
@@ -162,18 +159,13 @@ class StudyPage(SimpleNamespace):
             describe_values(points.loc[name].dropna()) or name for name in reasons.pop("point")
         ]
         cells = reasons.assign(method=reasons["method"].map(self.labels), example=settings)
-        sentence = count_faults(self.details, "see the end of this page")
+        sentence = count_faults(self.details)
         return sentence, f"<h2>Failures and warnings</h2>{render_table(cells)}"
 
     def render_sources(self) -> str:
-        """HTML that links what made the page, and the data behind it."""
-        return render_template("sources.html.j2", TEMPLATES, **vars(self))
-
-    def fold(self, note: str = "") -> HTML:
-        """Trials and settings of the study, and a note, behind a line that opens them."""
-        parts = [note, self._conditions(), count_faults(self.details)]
-        text = html.escape(" ".join(filter(None, parts)))
-        return HTML(f"<details><summary>Trials and settings</summary><p>{text}</p></details>")
+        """HTML that says of what trials the page is, and links what made it and the data behind it."""
+        settings = self.describe() if self.points and "table_file" in vars(self) else ""
+        return render_template("sources.html.j2", TEMPLATES, settings=settings, **vars(self))
 
 
 def open_study(study: Mapping[str, Any] | str) -> StudyPage:
@@ -201,6 +193,12 @@ def open_study(study: Mapping[str, Any] | str) -> StudyPage:
     own = Path(tempfile.mkdtemp(prefix="ankleloop-")) / study
     parameters = json.loads(Path(path).read_text(encoding="utf-8"))["metadata"]["study"]
     return StudyPage(**{**parameters, "table_stem": str(own), "figure_stem": str(own)})
+
+
+def show_note(note: str) -> None:
+    """Show a note behind a line that opens it; nothing without one."""
+    if note:
+        display(HTML(f"<details><summary>Note</summary><p>{html.escape(note)}</p></details>"))
 
 
 def show_picture(path: str, caption: str, width: int = 980) -> None:

@@ -41,8 +41,8 @@ def curves_figure(
     """Means over trials against a parameter, with their 95 % confidence bands.
 
     The columns are `panel`, `series`, `x`, `value`, `low`, `high`, `marked` and `failed`. A single trial has no band. A
-    ring marks means of which a trial failed or came with a warning; where every trial failed, a cross stands at the
-    lower edge of the panel. Panels of the same quantity share their ordinate. What lies above a level is also shown on
+    ring marks means with more failures and warnings than others of their curve; where every trial failed, a cross stands
+    at the lower edge of the panel. Panels of the same quantity share their ordinate. What lies above a level is also shown on
     a scale of its own, in panels on top of the others.
     """
     direction = "x" if log else ""

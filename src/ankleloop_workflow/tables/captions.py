@@ -77,8 +77,10 @@ def describe_values(values: Settings) -> str:
 
 
 def describe_settings(settings: Settings, varied: Collection[str] = ()) -> str:
-    """Settings that every trial of a study has, in one phrase."""
-    names = [name for name in SHARED_SETTINGS if name not in varied]
+    """Settings that every trial of a study has, in one phrase: the usual ones, and others that are not by default."""
+    defaults = SimulationSettings.defaults()
+    others = [name for name, value in settings.items() if value != defaults.get(name)]
+    names = [name for name in dict.fromkeys([*SHARED_SETTINGS, *others]) if name not in varied]
     shared = describe_values({name: settings[name] for name in names})
     return f"{shared} (relative voluntary torque: its sd over that of the clean net torque)"
 

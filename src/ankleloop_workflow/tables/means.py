@@ -11,6 +11,8 @@ from ankleloop.signals.vaf import confidence_margin
 
 KEYS = ["point", "method", "trial"]  # of an estimate
 COUNTS = ["trials", "failures", "warnings", "without G"]  # columns of every table of means
+# Of the trials of a mean that failed or came with a warning, from which on figures mark it.
+FAULT_SHARE = 0.05
 STATISTICS = {"mean": "mean", "sd": "std", "n": "count"}  # by the functions of pandas
 
 
@@ -94,8 +96,20 @@ def list_faults(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def mark_faults(rows: pd.DataFrame) -> pd.Series:
-    """Whether trials of a mean failed or came with a warning, for marks in figures."""
-    return rows[["failures", "warnings"]].gt(0).any(axis=1)
+    """Whether so many trials of a mean failed or came with a warning that figures mark it."""
+    return _fault_share(rows) >= FAULT_SHARE
+
+
+def mark_more_faults(rows: pd.DataFrame, by: Sequence[str]) -> pd.Series:
+    """Whether a mean has so many more faults than the median of its group, a curve, that figures mark it."""
+    share = _fault_share(rows)
+    usual = share.groupby([rows[name] for name in by]).transform("median")
+    return share - usual >= FAULT_SHARE
+
+
+def _fault_share(rows: pd.DataFrame) -> pd.Series:
+    """Share of the trials of each mean that failed or came with a warning."""
+    return rows[["failures", "warnings"]].sum(axis=1) / rows["trials"]
 
 
 def widen(rows: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
@@ -133,7 +147,7 @@ def curve_means(
         low=rows["mean"] - rows["margin"],
         high=rows["mean"] + rows["margin"],
         trials=rows["n"],
-        marked=mark_faults(rows),
+        marked=mark_more_faults(rows, [*by, "panel", "series"]),
         failed=rows["failures"] == rows["trials"],
         number=pd.factorize(rows["series"])[0],
     )

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from ankleloop.quantities import POINT, SETTINGS
-from ankleloop_workflow.tables.means import list_faults
+from ankleloop_workflow.tables.means import FAULT_SHARE, list_faults
 
 NUMBER = r"[+-]?\d[\d.]*(?:e[+-]?\d+)?"  # in a reason
 Settings = Mapping[str, Any]  # of the simulation, by name
@@ -58,8 +58,11 @@ def describe_failures(parameters: pd.DataFrame) -> str:
     return f"{counts}; means leave them out. Most often: {reason}"
 
 
-def count_faults(parameters: pd.DataFrame, where: str = "rings mark them in figures") -> str:
+def count_faults(parameters: pd.DataFrame) -> str:
     """Say how many identifications failed, how many came with a warning, and where a reader finds them."""
     failed, warned = list_faults(parameters).sum()
     counts = f"{failed:,} failed and {warned:,} came with a warning"
-    return f"Of {len(parameters):,} identifications {counts}: {where}."
+    return (
+        f"Of {len(parameters):,} identifications {counts}: see the end of this page. A ring in a figure marks a mean "
+        f"of which at least {100 * FAULT_SHARE:g} % did, on a curve as many more than at its median point."
+    )

@@ -17,7 +17,13 @@ from ankleloop.quantities import ERRORS, FAULTS, QUANTITIES, SETTINGS, point_col
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import PathLike
 from ankleloop_workflow.plotting.sweeps import SweepAxis, SweepPanel, lines_figure, maps_figure
-from ankleloop_workflow.tables.means import group_rows, list_faults, means, measure_statistics
+from ankleloop_workflow.tables.means import (
+    FAULT_SHARE,
+    group_rows,
+    list_faults,
+    means,
+    measure_statistics,
+)
 from ankleloop_workflow.tables.outcomes import CONDITIONS, Labels, Settings
 from ankleloop_workflow.tables.trial_tables import (
     default_quantities,
@@ -26,8 +32,6 @@ from ankleloop_workflow.tables.trial_tables import (
 )
 
 MOST_COLUMNS = 8  # parameters over which lines are drawn
-# Of the trials of a mean that failed or came with a warning, from which on it is marked.
-FAULT_SHARE = 0.05
 LEAST_CONDITIONS = 3  # of which the interval of a mean says something
 QUANTILES = {"low": 0.1, "median": 0.5, "high": 0.9}  # between the outer ones are 80 % of trials
 DIFFERENCE_STYLE = MethodStyle("#222222", "o")

@@ -56,23 +56,24 @@ def page(tmp_path):
     )
 
 
-def test_the_note_of_a_figure_counts_trials_and_says_what_rings_are(page):
-    note = page.fold("A <note>.").data
+def test_trials_and_settings_stand_once_at_the_end_with_what_is_not_by_default(page):
+    for values in page.points.values():
+        values["amplitude"] = 0.05
+    part = page.render_sources()
     assert page.typical == "g=13"
-    for words in (
-        "<summary>Trials and settings</summary><p>A &lt;note&gt;. 2 trials at each point",
-        "Of 8 identifications 1 failed and 1 came with a warning: rings mark them in figures.",
-    ):
-        assert words in note
-    assert page.fold().data.startswith(
-        "<details><summary>Trials and settings</summary><p>2 trials at each point"
-    )
+    assert "Trials and settings: 2 trials at each point; inertia of the load" in part
+    assert "amplitude 0.05 rad" in part
+    assert "reflex gain" not in part
+    for path in ("notebooks/s.ipynb", "tables/s.csv", "tables/s-trials.parquet"):
+        assert f'href="../{path}"' in part
+    assert "snakemake results/reports/s.html" in part
 
 
 def test_failures_and_warnings_are_counted_at_the_top_and_listed_with_reasons_at_the_end(page):
     sentence, part = page.render_faults()
     assert sentence == (
-        "Of 8 identifications 1 failed and 1 came with a warning: see the end of this page."
+        "Of 8 identifications 1 failed and 1 came with a warning: see the end of this page. A ring in a figure marks a "
+        "mean of which at least 5 % did, on a curve as many more than at its median point."
     )
     assert "<h2>Failures and warnings</h2>" in part
     cells = [re.findall("<td.*?>(.*?)</td>", row) for row in part.split("<tr>")[2:]]
