@@ -7,7 +7,7 @@ rule recordings:
         ],
     output:
         table="results/scores/{study}/{chunk}.parquet",
-        folder=directory("results/recordings/{study}/{chunk}"),
+        folder=directory("results/recordings/{study}.{chunk}"),
     log:
         "logs/recordings/{study}/{chunk}.log",
     benchmark:
@@ -34,7 +34,7 @@ rule recordings:
 rule publish:
     input:
         folders=lambda w: [
-            f"results/recordings/{w.study}/{k}" for k in range(len(study_of(w).chunks))
+            f"results/recordings/{w.study}.{k}" for k in range(len(study_of(w).chunks))
         ],
     output:
         pages=directory("results/reports/{study}"),

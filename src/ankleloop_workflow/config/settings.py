@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 
 from pydantic import (
     Field,
+    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     StringConstraints,
     ValidationError,
@@ -25,11 +26,12 @@ from pydantic_core import InitErrorDetails, core_schema
 from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.options import Options, option, suggest_name
 from ankleloop.quantities import TRIAL_QUANTITIES
-from ankleloop.simulation.settings import SimulationSettings
+from ankleloop.simulation.settings import LOAD_SETTINGS, SimulationSettings
 from ankleloop_lab.checking import Values, check
 from ankleloop_lab.recordings.method_settings import MethodSettings, settings_of
 from ankleloop_lab.recordings.settings import MAX_NAME, RECORDING_NAME, Recording
 from ankleloop_workflow.config.files import check_cases
+from ankleloop_workflow.config.points import LOAD
 
 SCHEMA = Path("workflow/schemas/config.schema.json")
 
@@ -183,6 +185,38 @@ class _StudySettings(Options):
         return self
 
 
+class _OrLoad:
+    """Lets settings of the simulation have the three parameters of the load together, also in the JSON schema."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self._expand, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        described = handler.resolve_ref_schema(handler(schema))
+        described["properties"][LOAD] = {
+            "description": "inertia, viscosity and stiffness of the load, instead of the three settings",
+            "type": "array",
+            "items": {"type": "number"},
+            "minItems": len(LOAD_SETTINGS),
+            "maxItems": len(LOAD_SETTINGS),
+        }
+        return described
+
+    @staticmethod
+    def _expand(values: Any) -> Any:
+        if not isinstance(values, Mapping) or LOAD not in values:
+            return values
+        others = dict(values)
+        load = others.pop(LOAD)
+        if not isinstance(load, list) or len(load) != len(LOAD_SETTINGS):
+            raise ValueError(f"load must be [inertia, viscosity, stiffness], got {load!r}")
+        return {**others, **dict(zip(LOAD_SETTINGS, load, strict=True))}
+
+
 class SimulationStudy(_StudySettings):
     """A study of simulated trials."""
 
@@ -192,7 +226,7 @@ class SimulationStudy(_StudySettings):
     seed: int = option(
         description="seed of the study, from which every trial has a stream of its own", ge=0
     )
-    simulation: SimulationSettings = option(
+    simulation: Annotated[SimulationSettings, _OrLoad()] = option(
         description="settings of every trial", default_factory=SimulationSettings
     )
     points: Points = option(

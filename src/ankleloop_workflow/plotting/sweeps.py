@@ -256,4 +256,6 @@ def value_limits(values: pd.Series | pd.DataFrame, desired: str | None) -> tuple
     reach = FAR * (last - first) or np.inf
     near = known[(known >= first - reach) & (known <= last + reach)]
     low = 0.0 if desired == "low" else float(near.min())
-    return low, float(near.max())
+    high = float(near.max())
+    # One value, such as nought failures, has one colour: that of the lower end.
+    return low, high if high > low else low + 1.0

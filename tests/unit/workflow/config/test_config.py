@@ -31,6 +31,17 @@ def test_null_leaves_out_a_method_of_a_shipped_study(change):
     assert "riv" not in read_studies(changed)[1]["voluntary"].methods
 
 
+def test_a_load_under_simulation_is_three_settings(change):
+    changed = change("studies", "table1", "simulation", value={"load": [0.1, 10.0, 100.0]})
+    jsonschema.validate(changed, json.loads(schema_text()))
+    settings = read_studies(changed)[1]["table1"].settings.simulation
+    assert settings.load_inertia == 0.1
+    assert settings.load_stiffness == 100.0
+    changed = change("studies", "table1", "simulation", value={"load": [0.1]})
+    with pytest.raises(ConfigError, match=r"table1: simulation: load must be \[inertia, visc"):
+        read_studies(changed)
+
+
 TABLE1 = ("studies", "table1")
 
 

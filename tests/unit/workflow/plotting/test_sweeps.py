@@ -91,6 +91,7 @@ def test_cells_without_a_mean_are_empty_and_marked_means_have_a_ring():
         ([*np.linspace(140.0, 160.0, 21), 1e7], None, (140.0, 160.0)),
         ([], "high", (0.0, 1.0)),
         ([3.0, 12.0], "low", (0.0, 12.0)),
+        ([0.0, 0.0], "low", (0.0, 1.0)),  # nought has the colour of the lower end
     ],
 )
 def test_lost_values_do_not_set_the_limits(values, goal, limits):
