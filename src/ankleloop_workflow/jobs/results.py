@@ -21,7 +21,7 @@ METADATA = "ro-crate-metadata.json"  # of the run, written after its pages
 # Pages and files of the whole run, in the order of the list.
 LINKS = {
     "Article: the replication in the order of the paper": "article.html",
-    "Ledger: every number and claim of the paper with its verdict": "ledger.html",
+    "Ledger: numbers and claims of the paper with their verdicts": "ledger.html",
     "Ledger as CSV": "verification.csv",
     "Configuration with all defaults": "configuration.json",
     "Versions of all packages": "provenance.json",

@@ -18,9 +18,9 @@ from ankleloop_workflow.tables.comparisons import format_pairs, format_rows
 VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
     judgement.CONDITIONAL: "the same, with something assumed that the paper does not give",
-    judgement.AT_TOLERANCE: "our value is within a fifth of the tolerance from the limit: no number of trials decides",
+    judgement.AT_TOLERANCE: "the interval reaches across the limit, from which our value is within a fifth of the tolerance",
     judgement.NOT_REPRODUCED: "the whole interval of a comparison lies outside; all intervals hold together with 95 %",
-    judgement.OPEN: "the interval reaches across the limit, there is none (a single trial), or a result is missing",
+    judgement.OPEN: "the interval reaches across the limit, a result or its interval is missing, or the data are others",
     judgement.CONTRADICTION: "the paper says two things; no run can change that",
     judgement.BY_CONSTRUCTION: "it follows from a definition; no run can change that",
 }
@@ -180,7 +180,8 @@ def conclude(
     for claim, verdict in claims.items():
         row = rows.loc[claim]
         if row["verdict"] != verdict:
-            return f"**{row['statement']}: {row['verdict']} in this run.** {row['reason']}"
+            reason = row["reason"]
+            return f"**{row['statement']}: {row['verdict']} in this run.** {reason[:1].upper()}{reason[1:]}"
     first = rows.loc[next(iter(claims))]
     table1 = ledger[ledger["id"].str.startswith("table1/")]
     counts = {"held": int(is_held(table1).sum()), "numbers": len(table1)}

@@ -178,6 +178,10 @@ CASES = {
         (CONTRADICTION, {}),
         (BY_CONSTRUCTION, edit_claims("figure4-count", paper=21)),
     ],
+    "cascade-stop": [
+        (NOT_REPRODUCED, {}),
+        (HOLDS, vaf_at("table1", 56.0, ["parallel-cascade"], ["intrinsic"], reflex_gain=13.0)),
+    ],
     "eq17-gain": limits({}, vaf_at("table1", 58.01, ONE_PASS, ["intrinsic"], reflex_gain=2.0)),
     "eq10-constant": [(BY_CONSTRUCTION, {})],
     "eq11-zero": limits(
