@@ -38,7 +38,8 @@ def test_a_paragraph_stands_where_all_of_its_claims_have_their_verdicts(ledger):
     for claim in claims:
         other = ledger.assign(verdict=ledger["verdict"].mask(ledger["id"] == claim, OPEN))
         row = rows.loc[claim]
-        expected = f"**{row['statement']}: cannot be judged in this run.** {row['reason']}"
+        reason = row["reason"][:1].upper() + row["reason"][1:]
+        expected = f"**{row['statement']}: cannot be judged in this run.** {reason}"
         assert conclude(other, texts, "k") == expected
         assert conclude(ledger[ledger["id"] != claim], texts, "k") == ""
 
