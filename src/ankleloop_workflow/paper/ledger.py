@@ -18,7 +18,7 @@ from ankleloop_workflow.tables.comparisons import format_pairs, format_rows
 VERDICTS = {
     judgement.REPRODUCED: "the whole 95 % interval of the difference lies within what is accepted",
     judgement.CONDITIONAL: "the same, with something assumed that the paper does not give",
-    judgement.AT_TOLERANCE: "the interval reaches across the limit; our value is within a fifth of the tolerance from it",
+    judgement.AT_TOLERANCE: "the interval holds the limit, to which our value is near (a fifth of the tolerance)",
     judgement.NOT_REPRODUCED: "the whole interval of a comparison lies outside; all intervals hold together with 95 %",
     judgement.OPEN: "the interval reaches across the limit, a result or an interval is missing, or the data are others",
     judgement.CONTRADICTION: "the paper says two things; no run can change that",
