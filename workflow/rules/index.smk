@@ -10,6 +10,9 @@ rule index:
             if study.settings.notebook
         ],
         tables=recording_tables(),
+        trial_tables=[
+            table_file(study) for study in RUN if isinstance(study, SimulatedStudy)
+        ],
         ledger=["results/verification.csv"] if ARTICLE else [],
     output:
         metadata="results/ro-crate-metadata.json",

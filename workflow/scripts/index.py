@@ -28,14 +28,9 @@ def write_json(path: str, content: dict) -> None:
 with running(snakemake):
     output = snakemake.output
     folder = Path(output.index).parent
-    tables = [*map(Path, snakemake.input.results), *map(Path, snakemake.input.tables)]
     provenance = report_versions(
         read_provenance(snakemake.params.repository),
-        [
-            path
-            for path in tables
-            if path.name.endswith("-trials.parquet") or "scores" in path.parts
-        ],
+        tables=[*snakemake.input.trial_tables, *snakemake.input.tables],
     )
     write_json(output.configuration, snakemake.params.configuration)
     write_json(output.provenance, provenance)

@@ -16,11 +16,6 @@ from ankleloop_lab.pages.rendering import find_captions, render_page
 from ankleloop_workflow.jobs.job import log, running
 from ankleloop_workflow.pages.study_page import StudyPage
 
-# Paths in the parameters of a notebook count from there.
-PLACE = """import os
-
-os.chdir("../..")  # where the workflow ran"""
-
 
 def check_parameters(notebook: str, parameters: Mapping) -> None:
     """Refuse a notebook that declares other parameters than those of the rule."""
@@ -52,15 +47,15 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
 def write_executed(notebook: nbformat.NotebookNode, study: Mapping, path: str) -> None:
     """Write an executed notebook, which runs from its folder, without times: the same bytes for the same outputs.
 
-    The study stands in its metadata, where `ankleloop_workflow.pages.study_page.open_study` looks for it.
+    Its parameter is the name of the study; `open_study` of its page reads the rest in the metadata.
     """
     notebook.metadata.pop("papermill", None)
     notebook.metadata["study"] = study
     for cell in notebook.cells:
         cell.metadata.pop("papermill", None)
         cell.metadata.pop("execution", None)
-    place = nbformat.v4.new_code_cell(PLACE, id="cell-place")
-    notebook.cells.insert(0, place)
+        if "injected-parameters" in cell.metadata.get("tags", ()):
+            cell.source = f'study = "{study["study"]}"'
     with atomic_file(path, overwrite=True) as partial:
         nbformat.write(notebook, partial)
 

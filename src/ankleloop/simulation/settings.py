@@ -6,7 +6,7 @@ recorder, level of voluntary torque, reflex gain of its Table 1) are assumptions
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any, Literal, Self
 
 from pydantic import ValidationInfo, field_validator, model_validator
@@ -15,12 +15,34 @@ from ankleloop.options import Options, option, show_value
 
 # Integration steps over a recorded sample: the loop has a matrix of as many rows.
 MOST_INTEGRATION_STEPS = 1000
+LOAD = "load"  # the three of them together
 LOAD_SETTINGS = ("load_inertia", "load_viscosity", "load_stiffness")
 # Dwell times of the perturbation "dwells" [s].
 DWELL_TIMES = (0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6)
 DWELL_TEXT = ", ".join(f"{1000 * dwell:g}" for dwell in DWELL_TIMES)
 
 Table = tuple[float, ...] | str  # numbers, or a text that holds them
+
+
+def expand_load(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings with the three parameters of the load in the place of `load`; a single one that is given counts more.
+
+    Raises
+    ------
+    ValueError
+        If the load is not three values.
+    """
+    settings = dict(values)
+    load = settings.pop(LOAD, None)
+    if load is None:
+        return settings
+    try:
+        parameters = dict(zip(LOAD_SETTINGS, load, strict=True))
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}."
+        ) from None
+    return {**parameters, **settings}
 
 
 def _variation_option(symbol: str) -> Any:
@@ -215,17 +237,9 @@ class SimulationSettings(Options):
         return self.snr_db is not None or self.voluntary > 0
 
     @classmethod
-    def parse(cls, owner: str, /, *, load: Sequence[float] | None = None, **values: Any) -> Self:
+    def parse(cls, owner: str, /, **values: Any) -> Self:
         """Check settings and fill in the defaults; the three parameters of the load may come together."""
-        if load is None:
-            return super().parse(owner, **values)
-        try:
-            parameters = dict(zip(LOAD_SETTINGS, load, strict=True))
-        except (TypeError, ValueError):
-            raise ValueError(
-                f"load must be three numbers (inertia, viscosity, stiffness), got {load!r}."
-            ) from None
-        return super().parse(owner, **{**parameters, **values})
+        return super().parse(owner, **expand_load(values))
 
     @field_validator(
         "stiffness_table", "viscosity_table", "gain_table", "dwell_weights", mode="before"

@@ -14,12 +14,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ankleloop.options import Options, option, show_value, suggest_name
-from ankleloop.simulation.settings import LOAD_SETTINGS, SimulationSettings
+from ankleloop.simulation.settings import LOAD, LOAD_SETTINGS, SimulationSettings
 from ankleloop_lab.checking import Values, check, find_kind
 from ankleloop_workflow.config.files import key_error
 
 SETTING_NAMES = tuple(SimulationSettings.model_fields)
-LOAD = "load"  # as `simulate` has it
 SIMULATION = ""  # owner of the settings, beside the methods, which own their options
 MAX_POINTS = 100_000  # of a grid
 DIGITS = 12  # of the values of a range, so that 3 · 0.1 is 0.3; those of a design have half of them

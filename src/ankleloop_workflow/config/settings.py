@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 
 from pydantic import (
+    BeforeValidator,
     Field,
-    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     StringConstraints,
     ValidationError,
@@ -26,12 +26,16 @@ from pydantic_core import InitErrorDetails, core_schema
 from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.options import Options, option, suggest_name
 from ankleloop.quantities import TRIAL_QUANTITIES
-from ankleloop.simulation.settings import LOAD_SETTINGS, SimulationSettings
+from ankleloop.simulation.settings import (
+    LOAD,
+    LOAD_SETTINGS,
+    SimulationSettings,
+    expand_load,
+)
 from ankleloop_lab.checking import Values, check
 from ankleloop_lab.recordings.method_settings import MethodSettings, settings_of
 from ankleloop_lab.recordings.settings import MAX_NAME, RECORDING_NAME, Recording
 from ankleloop_workflow.config.files import check_cases
-from ankleloop_workflow.config.points import LOAD
 
 SCHEMA = Path("workflow/schemas/config.schema.json")
 
@@ -185,13 +189,12 @@ class _StudySettings(Options):
         return self
 
 
-class _OrLoad:
-    """Lets settings of the simulation have the three parameters of the load together, also in the JSON schema."""
+def _expand_load(values: Any) -> Any:
+    return expand_load(values) if isinstance(values, Mapping) else values
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(self._expand, handler(source))
+
+class _OrLoad:
+    """Lets the JSON schema have the three parameters of the load together."""
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
@@ -206,16 +209,6 @@ class _OrLoad:
         }
         return described
 
-    @staticmethod
-    def _expand(values: Any) -> Any:
-        if not isinstance(values, Mapping) or LOAD not in values:
-            return values
-        others = dict(values)
-        load = others.pop(LOAD)
-        if not isinstance(load, list) or len(load) != len(LOAD_SETTINGS):
-            raise ValueError(f"load must be [inertia, viscosity, stiffness], got {load!r}")
-        return {**others, **dict(zip(LOAD_SETTINGS, load, strict=True))}
-
 
 class SimulationStudy(_StudySettings):
     """A study of simulated trials."""
@@ -226,7 +219,7 @@ class SimulationStudy(_StudySettings):
     seed: int = option(
         description="seed of the study, from which every trial has a stream of its own", ge=0
     )
-    simulation: Annotated[SimulationSettings, _OrLoad()] = option(
+    simulation: Annotated[SimulationSettings, BeforeValidator(_expand_load), _OrLoad()] = option(
         description="settings of every trial", default_factory=SimulationSettings
     )
     points: Points = option(

@@ -14,6 +14,7 @@ from typing import Any
 
 import pandas as pd
 
+from ankleloop.trials.files import PathLike
 from ankleloop_workflow.tables.trial_tables import list_versions
 
 TITLE = "Results of ankleloop: intrinsic and reflex joint stiffness identified in closed loop"
@@ -56,7 +57,7 @@ def describe_version(provenance: Provenance) -> str:
     return "+".join(filter(None, [provenance["version"], ".".join(filter(None, local))]))
 
 
-def report_versions(provenance: Provenance, tables: Iterable[Path]) -> Provenance:
+def report_versions(provenance: Provenance, tables: Iterable[PathLike]) -> Provenance:
     """Provenance with the versions that made tables, several where they differ, in the place of those installed now."""
     made = pd.DataFrame(list_versions(tables))
     versions = {name: " and ".join(sorted(set(made[name]))) for name in made}

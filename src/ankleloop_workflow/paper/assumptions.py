@@ -34,9 +34,9 @@ def judge_settings(claims: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
     """
     means = find_means(results)
     held = {}
-    is_on_table1 = [settings == TABLE1 for settings in claims["settings"]]
-    on_table1 = claims[is_on_table1].dropna(subset="comparisons")
-    for claim in on_table1.itertuples():
+    for claim in claims.itertuples():
+        if claim.settings != TABLE1 or not claim.comparisons:
+            continue
         with suppress(KeyError):  # of a method that the study does not have
             held[claim.id] = _judge(Case(claim, {}, pd.DataFrame()), means)
     return pd.DataFrame(held)
@@ -58,7 +58,7 @@ def find_means(results: StudyResults) -> pd.DataFrame:
 def _judge(case: Case, means: pd.DataFrame) -> pd.Series:
     """Whether all comparisons of a claim are accepted, at each setting."""
     is_held = pd.Series(True, means.index)
-    for listed in case.comparisons.values():
+    for listed in case.claim.comparisons.values():
         difference = _find_mean(means, listed["mean"]) - listed.get("from", 0.0)
         if "less" in listed:
             difference -= _find_mean(means, listed["less"])

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -83,18 +82,6 @@ class Case:
     # Further measurements by `quantity`: columns `value`, `low` and `high`, the ends of the 95 % interval.
     measurements: pd.DataFrame
 
-    @cached_property
-    def settings(self) -> dict[str, Any]:
-        """Settings of the points that the claim needs; a list where it needs several values."""
-        settings = self.claim.settings
-        return settings if isinstance(settings, dict) else {}
-
-    @property
-    def comparisons(self) -> dict[str, dict[str, Any]]:
-        """What means over trials are compared with, by its label; see `check_means`."""
-        comparisons = self.claim.comparisons
-        return comparisons if isinstance(comparisons, dict) else {}
-
     def study(self, name: str) -> StudyResults:
         """Results of a study."""
         if name not in self.studies:
@@ -110,7 +97,7 @@ class Case:
         results = self.study(study)
         table = results.table
         column = VAF_COLUMNS.get(quantity, quantity)
-        point = results.point({**self.settings, **own})
+        point = results.point({**self.claim.settings, **own})
         rows = table[(table["point"] == point) & (table["method"] == method)].set_index("trial")
         if column == "K_error":
             values = 100.0 * (rows["K"] / results.points[point]["stiffness"] - 1.0)
@@ -214,7 +201,7 @@ def check_means(case: Case, *what: str) -> Row:
     """Means over trials, or differences of two, are within, above or below what the claim lists."""
     comparisons = []
     shown = None
-    for label, listed in case.comparisons.items():
+    for label, listed in case.claim.comparisons.items():
         study, *first = listed["mean"].split()
         own = listed.get("at", {})
         if "less" in listed:
@@ -234,7 +221,7 @@ def check_means(case: Case, *what: str) -> Row:
 def check_figure4_pr(case: Case) -> Row:
     """PR-MOESP is good at every gain."""
     comparisons = []
-    for gain, torque in product(case.settings["reflex_gain"], VAF_COLUMNS):
+    for gain, torque in product(case.claim.settings["reflex_gain"], VAF_COLUMNS):
         mean = case.mean("figure4", torque, "pr-moesp", reflex_gain=gain)
         label = f"{torque} torque at gain {gain:g}"
         comparisons.append(Comparison(label, mean, case.above, case.claim.paper))

@@ -82,7 +82,8 @@ def verify(
 def read_claims(path: PathLike) -> pd.DataFrame:
     """Claims from a YAML file, a row for each, with its name as `id`."""
     claims = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    return pd.DataFrame([{"id": name, **claim} for name, claim in claims.items()])
+    defaults: dict[str, Any] = {"comparisons": {}, "settings": {}}
+    return pd.DataFrame([{"id": name, **defaults, **claim} for name, claim in claims.items()])
 
 
 def claim_numbers(name: str, table: pd.DataFrame, labels: Mapping[str, str]) -> pd.DataFrame:

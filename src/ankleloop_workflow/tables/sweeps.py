@@ -21,6 +21,7 @@ from ankleloop_workflow.tables.means import (
     FAULT_SHARE,
     group_rows,
     list_faults,
+    mark_faults,
     means,
     measure_statistics,
 )
@@ -154,14 +155,13 @@ class SweepStudy:
         keys = zip(quantities, series.isna(), strict=True)
         margin = table["margin"].mask(is_share)
         failed = ~is_share & (table["failures"] == table["trials"])
-        faults = table["failures"] + table["warnings"]
         return table.assign(
             series=series.fillna(self.difference),
             panel=[self.panels[key].label for key in keys],
             low=table["value"] - margin,
             high=table["value"] + margin,
             failed=failed,
-            marked=~is_share & ~failed & (faults >= FAULT_SHARE * table["trials"]),
+            marked=~is_share & ~failed & mark_faults(table),
         )
 
 

@@ -38,7 +38,9 @@ def test_a_load_under_simulation_is_three_settings(change):
     assert settings.load_inertia == 0.1
     assert settings.load_stiffness == 100.0
     changed = change("studies", "table1", "simulation", value={"load": [0.1]})
-    with pytest.raises(ConfigError, match=r"table1 → simulation: load must be \[inertia, visc"):
+    with pytest.raises(
+        ConfigError, match=r"table1 → simulation: load must be three numbers \(inertia, visc"
+    ):
         read_studies(changed)
 
 
