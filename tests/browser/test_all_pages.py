@@ -6,7 +6,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from ankleloop_lab.pages.rendering import render_page
+from ankleloop_lab.pages.page import render_page
 
 pytestmark = pytest.mark.workflow
 

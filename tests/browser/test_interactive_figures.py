@@ -5,7 +5,7 @@ import pytest
 import ankleloop
 from ankleloop.plotting.style import METHOD_STYLES
 from ankleloop_lab.pages.interactive import render_interactive_torques
-from ankleloop_lab.pages.rendering import render_page
+from ankleloop_lab.pages.page import render_page
 
 MOST_BYTES = 8e6
 METHODS = ("riv", "pr-moesp", "eiv-moesp", "parallel-cascade")

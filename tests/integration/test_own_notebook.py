@@ -73,7 +73,7 @@ def test_the_page_of_results_says_what_failed_until_a_run_is_complete(results, s
     snakemake(*arguments, check=False)
     page = (results / "index.html").read_text(encoding="utf-8")
     assert "The last run has failed" in page
-    assert "rule report, study mine: " in page
+    assert "rule notebook, study mine: " in page
     assert "no_means" in page
     path.write_text(code, encoding="utf-8")
     snakemake(*arguments)

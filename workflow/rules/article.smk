@@ -50,10 +50,9 @@ rule verify:
         "../scripts/verify.py"
 
 
-rule article:
+rule article_notebook:
     input:
         tables=[table_file(study) for study in ARTICLE],
-        reports=[f"results/reports/{study.name}.html" for study in ARTICLE],
         summaries=[f"results/tables/{study.name}.csv" for study in ARTICLE],
         figures=[path for study in ARTICLE for path in figure_files(study)],
         economy=rules.verify.output.economy,
@@ -62,12 +61,7 @@ rule article:
         notebook=repository_file("notebooks/article.ipynb"),
         diagrams=[repository_file(f"data/diagrams/{name}") for name in DIAGRAMS],
     output:
-        page=report(
-            "results/article.html",
-            category="Article",
-            caption="../report/article.rst",
-            labels={"result": "article"},
-        ),
+        code="results/notebooks/article.ipynb",
         diagrams=[
             report(
                 f"results/figures/{name}",
@@ -78,9 +72,9 @@ rule article:
             for name in DIAGRAMS
         ],
     log:
-        "logs/article.log",
+        "logs/notebook/article.log",
     benchmark:
-        "logs/article.tsv"
+        "logs/notebook/article.tsv"
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
@@ -89,22 +83,30 @@ rule article:
         runtime=half_hour,
     params:
         settings=digest([study.describe() for study in ARTICLE]),
-        parameters=lambda wildcards, input, output: dict(
-            title="Closed-loop identification of ankle dynamics: a replication",
-            studies={
-                study.name: {
-                    **study.describe(),
-                    **article_files(
-                        study, input.economy.removesuffix("results/tables/economy.csv")
-                    ),
-                }
-                for study in ARTICLE
-            },
-            verification=input.verification,
-            conclusions=input.conclusions,
-            economy=input.economy,
-            diagrams=[path for path in output.diagrams if path.endswith(".png")],
-        ),
-        library=library("workflow/scripts/render.py", "notebooks/article.ipynb"),
+        parameters=lambda wildcards, input, output: describe_sources(input, output),
+        library=library("workflow/scripts/execute.py", "notebooks/article.ipynb"),
     script:
-        "../scripts/render.py"
+        "../scripts/execute.py"
+
+
+rule article:
+    input:
+        code=rules.article_notebook.output.code,
+        reports=[f"results/reports/{study.name}.html" for study in ARTICLE],
+    output:
+        page=report(
+            "results/article.html",
+            category="Article",
+            caption="../report/article.rst",
+            labels={"result": "article"},
+        ),
+    log:
+        "logs/article.log",
+    localrule: True
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    params:
+        library=library("workflow/scripts/page.py"),
+    script:
+        "../scripts/page.py"

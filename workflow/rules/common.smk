@@ -23,7 +23,11 @@ os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(2**31))
 NOTEBOOKS = read_notebooks(ROOT / "notebooks" / "notebooks.yaml")
 try:
     CONFIG, STUDIES = read_run(
-        config, CONFIG_FILES, workflow.config_settings.config, NOTEBOOKS
+        config,
+        CONFIG_FILES,
+        workflow.config_settings.config,
+        NOTEBOOKS,
+        identify=workflow.is_main_process,
     )
 except ConfigError as error:
     # Without the traceback that Snakemake would show.
@@ -213,6 +217,23 @@ def article_files(study, folder):
             for name in captions_of(study)
         },
     }
+
+
+def describe_sources(input, output):
+    """What the article shows."""
+    folder = input.economy.removesuffix("results/tables/economy.csv")
+    sources = {
+        "title": "Closed-loop identification of ankle dynamics: a replication",
+        "studies": {
+            study.name: {**study.describe(), **article_files(study, folder)}
+            for study in ARTICLE
+        },
+        "verification": input.verification,
+        "conclusions": input.conclusions,
+        "economy": input.economy,
+        "diagrams": [path for path in output.diagrams if path.endswith(".png")],
+    }
+    return {"article": sources}
 
 
 def recording_tables():

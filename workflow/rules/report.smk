@@ -1,5 +1,5 @@
-# One notebook for each study: its tables, its figures and a page that needs nothing else.
-rule report:
+# One notebook for each study, which writes its tables and figures; the page of it needs nothing else.
+rule notebook:
     input:
         trials=trials_of,
         estimates=estimates_of,
@@ -8,15 +8,14 @@ rule report:
         published=published_of,
         ledger=ledger_of,
     output:
-        page=of_report("results/reports/{study}.html", "page"),
         table=of_report("results/tables/{study}.csv", "table"),
         markdown="results/tables/{study}.md",
         figures=directory("results/rendered/{study}"),
         code="results/notebooks/{study}.ipynb",
     log:
-        "logs/report/{study}.log",
+        "logs/notebook/{study}.log",
     benchmark:
-        "logs/report/{study}.tsv"
+        "logs/notebook/{study}.tsv"
     conda:
         "../envs/ankleloop.yaml"
     threads: 1
@@ -34,9 +33,28 @@ rule report:
             table_stem=os.path.splitext(output.table)[0],
             figure_stem=f"{output.figures}/{wildcards.study}",
         ),
-        library=lambda w: library("workflow/scripts/render.py", notebook_file(w)),
+        library=lambda w: library("workflow/scripts/execute.py", notebook_file(w)),
     script:
-        "../scripts/render.py"
+        "../scripts/execute.py"
+
+
+rule report:
+    input:
+        code=rules.notebook.output.code,
+        tables=tables_of,
+    output:
+        page=of_report("results/reports/{study}.html", "page"),
+    log:
+        "logs/report/{study}.log",
+    localrule: True
+    conda:
+        "../envs/ankleloop.yaml"
+    threads: 1
+    params:
+        caption=lambda w: notebook_of(w).shows,
+        library=library("workflow/scripts/page.py"),
+    script:
+        "../scripts/page.py"
 
 
 # A figure of a notebook with the numbers that it draws, under the names that a reader opens.

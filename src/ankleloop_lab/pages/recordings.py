@@ -14,7 +14,8 @@ from ankleloop.plotting.estimates import torque_figure, trajectories_figure
 from ankleloop.plotting.style import DataFigure, estimate_styles, render_figure
 from ankleloop.quantities import QUANTITIES
 from ankleloop_lab.pages.interactive import render_interactive_torques
-from ankleloop_lab.pages.rendering import render_page, render_template
+from ankleloop_lab.pages.page import render_page
+from ankleloop_lab.pages.rendering import render_template
 from ankleloop_lab.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop_lab.recordings.analysis import Analysis
 from ankleloop_lab.recordings.recommendation import (

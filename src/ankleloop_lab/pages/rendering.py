@@ -1,20 +1,15 @@
-"""Pages and tables from templates: every value that enters is escaped, and no script runs but those of the library."""
+"""Templates and tables: every value that enters is escaped."""
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
-from itertools import count
 from typing import Any
 
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-HEADING = re.compile(r"<h([23])(?=>(.*?)</h\1>)", re.DOTALL)  # level and content
 # Names of methods in cells, which are as short as they can be; one before a word begins a sentence.
 SHORT_NAMES = {
     r"Refined instrumental variables(?! \w)( \(riv\))?": "riv",
@@ -35,45 +30,6 @@ ENVIRONMENT.policies["json.dumps_kwargs"] = {"sort_keys": False}
 def render_template(name: str, /, environment: Environment = ENVIRONMENT, **values: Any) -> Markup:
     """Fill in a template, of this package or of an environment of another one."""
     return Markup(environment.get_template(name).render(**values))  # noqa: S704 # what enters has been escaped
-
-
-def render_page(
-    title: str, body: str, note: str = "", index: str | None = None, local_pictures: bool = False
-) -> str:
-    """Page around a body: a note, table of contents, link to the index, style, and the scripts that the body needs."""
-    numbers = count(1)
-    anchored = HEADING.sub(lambda heading: f'<h{heading[1]} id="section-{next(numbers)}"', body)
-    sources = [(__package__, "scripts/tables.js")]
-    if 'class="interactive"' in body:  # without Bokeh's widgets and tables
-        sources.append(("bokeh", "server/static/js/bokeh.min.js"))
-        sources.append((__package__, "scripts/figures.js"))
-    scripts = [
-        files(package).joinpath(path).read_text(encoding="utf-8") for package, path in sources
-    ]
-    hashes = [hashlib.sha256(script.encode()).digest() for script in scripts]
-    return render_template(
-        "base.html.j2",
-        title=title,
-        note=note,
-        body=anchored,
-        contents=HEADING.findall(body),
-        index=index,
-        local_pictures=local_pictures,
-        scripts=scripts,
-        digests=[base64.b64encode(digest).decode() for digest in hashes],
-    )
-
-
-def find_captions(notebook: Mapping[str, Any]) -> dict[bytes, str]:
-    """Captions of the pictures that a notebook shows: their alternative texts."""
-    captions = {}
-    for cell in notebook["cells"]:
-        for output in cell.get("outputs", ()):
-            picture = output.get("data", {}).get("image/png")
-            if picture:
-                attributes = output["metadata"].get("image/png", {})
-                captions[base64.b64decode(picture)] = attributes.get("alt", "")
-    return captions
 
 
 def render_table(

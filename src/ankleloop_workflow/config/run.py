@@ -17,14 +17,21 @@ from ankleloop_workflow.config.notebooks import Notebook, find_needs, list_figur
 from ankleloop_workflow.config.settings import Config
 from ankleloop_workflow.config.study import RecordedStudy, SimulatedStudy, Study, read_studies
 
+ENOUGH = 15.0  # s of a record, with which every method can do
+
 
 def read_run(
     config: Mapping[str, Any],
     paths: Sequence[PathLike],
     command_line: Mapping[str, Any] | None = None,
     notebooks: Mapping[str, Notebook] | None = None,
+    *,
+    identify: bool = False,
 ) -> tuple[Config, dict[str, Study]]:
-    """Read the configuration of a run, and refuse what a job would refuse; by default with the notebooks of here."""
+    """Read the configuration of a run, and refuse what a job would refuse; by default with the notebooks of here.
+
+    With `identify` also records that are too short for a method, which takes seconds where there are short ones.
+    """
     notebooks = read_notebooks() if notebooks is None else notebooks
     try:
         checked, studies = read_studies(config)
@@ -34,6 +41,8 @@ def read_run(
                 study.check_files()
             elif isinstance(study, SimulatedStudy):
                 check_uses(study)
+                if identify:
+                    check_shortest(study)
             check_notebook(study, notebooks)
     except ConfigError as error:
         paths = [min(os.path.relpath(path), os.path.abspath(path), key=len) for path in paths]
@@ -112,6 +121,32 @@ def check_notebook(study: Study, notebooks: Mapping[str, Notebook]) -> None:
         for need in notebooks[name].needs:
             if need in lacks:
                 raise key_error(place, f"{name} needs {lacks[need]}.")
+
+
+def check_shortest(study: SimulatedStudy) -> None:
+    """Refuse records that are too short for a method: the shortest ones are identified without noise."""
+    durations = {name: values["duration"] for name, values in study.conditions.items()}
+    shortest = min(durations, key=durations.__getitem__)
+    if durations[shortest] >= ENOUGH:
+        return
+    # Here: with longer records a run begins without them.
+    from ankleloop.methods.registry import identify
+    from ankleloop.simulation.simulate import simulate
+
+    clean = {"voluntary": 0.0, "snr_db": None}
+    trial = simulate(seed=study.settings.seed, **{**study.conditions[shortest], **clean})
+    for point in study.point_list:
+        if point.condition != shortest:
+            continue
+        for name, method in study.methods.items():
+            options = {**method.fixed_options, **point.options.get(name, {})}
+            try:
+                identify(trial, method.method, **options)
+            except DataError as error:
+                raise key_error(
+                    ("studies", study.name, "methods", name),
+                    f"it identifies no record as short as those of the point {point.name}: {error}",
+                ) from None
 
 
 def _check_methods(study: SimulatedStudy) -> None:

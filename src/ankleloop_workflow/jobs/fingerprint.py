@@ -39,9 +39,9 @@ IMPORT = re.compile(
 def fingerprint(*scripts: PathLike) -> str:
     """Hash of all library files that scripts or notebooks reach, directly or through other modules.
 
-    A module is reached by an import, at the top or within a function. With it go the data folders beside it, those
-    without modules. Packages that compute count by their versions, and those that register methods, for scripts that
-    reach the registry: the provenance of results, written at their end, then holds for all of them.
+    A module is reached by an import, at the top or within a function, and a data file, as a template, by its name in a
+    file that is reached. Packages that compute count by their versions, and those that register methods, for scripts
+    that reach the registry: the provenance of results, written at their end, then holds for all of them.
     """
     digest = hashlib.sha256()
     for package, version in read_versions().items():
@@ -63,13 +63,29 @@ def reached_files(*scripts: PathLike) -> set[Path]:
         path = remaining.pop()
         modules.add(path)
         remaining |= _parse(path) - modules
+    return modules | _find_data({*map(Path, scripts), *modules})
+
+
+def _find_data(files: set[Path]) -> set[Path]:
+    """Data files of the library that files name, directly or through other data files."""
     data: set[Path] = set()
-    for folder in {folder for path in modules for folder in path.parent.iterdir()}:
-        files = list(filter(Path.is_file, folder.rglob("*")))
-        has_modules = any(file.suffix == ".py" for file in files)
-        if folder.name != "__pycache__" and not has_modules:
-            data.update(files)
-    return modules | data
+    while files:
+        texts = [path.read_text(encoding="utf-8") for path in files]
+        names = {path for path in _list_data(LIBRARY) if any(path.name in text for text in texts)}
+        files = names - data
+        data |= files
+    return data
+
+
+@cache
+def _list_data(library: Path) -> frozenset[Path]:
+    """Files of the library which are no modules."""
+    paths = (path for package in PACKAGES for path in (library / package).rglob("*"))
+    return frozenset(
+        path
+        for path in paths
+        if path.is_file() and path.suffix != ".py" and path.parent.name != "__pycache__"
+    )
 
 
 @cache

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import pandas as pd
-from markupsafe import Markup, escape
+from markupsafe import escape
 
-from ankleloop_lab.pages.rendering import render_page, render_table, render_template
+from ankleloop_lab.pages.page import render_page
+from ankleloop_lab.pages.rendering import render_table, render_template
 from ankleloop_workflow.pages import TEMPLATES
+from ankleloop_workflow.pages.verdicts import COLOURS, VERDICT_COLOURS, render_table1
 from ankleloop_workflow.paper.ledger import (
     FINDING,
     HOLDS,
@@ -18,12 +20,8 @@ from ankleloop_workflow.paper.ledger import (
     count_held,
     summarise,
     tabulate_ledger,
-    tabulate_table1,
 )
 
-# Backgrounds that are told apart in print and by readers who do not see red or green; the words stand in them.
-COLOURS = ("#b7dfc2", "#dff0c8", "#eef0c0", "#f3b8a6", "#e3e3e3", "#f6dd9b", "#cfe0f5")
-VERDICT_COLOURS = dict(zip(VERDICTS, COLOURS, strict=True))
 # Of the ledger, in their order: a narrow screen shows the first ones.
 LEDGER_COLUMNS = [
     "verdict",
@@ -66,13 +64,6 @@ def render_index(
         "index.html.j2", TEMPLATES, **results, opening=opening, failures=failures
     )
     return render_page("Results", body, local_pictures=True)
-
-
-def render_table1(ledger: pd.DataFrame) -> Markup:
-    """Table 1 as HTML, each cell in the colour of its verdict."""
-    cells, verdicts = tabulate_table1(ledger)
-    colours = {text: VERDICT_COLOURS[verdict] for text, verdict in verdicts.items()}
-    return render_table(cells, colours=colours)
 
 
 def _describe_verdicts(ledger: pd.DataFrame) -> dict[str, object]:

@@ -19,12 +19,10 @@ from matplotlib.figure import Figure
 from ankleloop.joint.estimate import Estimate
 from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
 from ankleloop.quantities import point_column
-from ankleloop_lab.pages.rendering import render_table, render_template
-from ankleloop_workflow.pages import TEMPLATES
-from ankleloop_workflow.tables.captions import describe_settings, describe_values, typical_point
+from ankleloop_lab.pages.rendering import render_table
+from ankleloop_workflow.tables.captions import describe_settings, typical_point
 from ankleloop_workflow.tables.comparisons import write_table
 from ankleloop_workflow.tables.estimate_tables import load_estimates
-from ankleloop_workflow.tables.outcomes import count_faults, list_reasons
 from ankleloop_workflow.tables.trial_tables import read_results
 
 MEANS = (
@@ -149,50 +147,47 @@ class StudyPage(SimpleNamespace):
         settings = describe_settings(self.points[self.typical], self.varied)
         return f"{self.details['trial'].nunique()} trials at each point; {settings}."
 
-    def render_faults(self) -> tuple[str, str]:
-        """Sentence that counts failures and warnings, and HTML with the reason of each; both empty without any."""
-        reasons = list_reasons(self.details)
-        if reasons.empty:
-            return "", ""
-        points = self.details.drop_duplicates("point").set_index("point")[self.keys].astype(object)
-        settings = [
-            describe_values(points.loc[name].dropna()) or name for name in reasons.pop("point")
-        ]
-        cells = reasons.assign(method=reasons["method"].map(self.labels), example=settings)
-        sentence = count_faults(self.details)
-        return sentence, f"<h2>Failures and warnings</h2>{render_table(cells)}"
-
-    def render_sources(self) -> str:
-        """HTML that says of what trials the page is, and links what made it and the data behind it."""
-        settings = self.describe() if self.points and "table_file" in vars(self) else ""
-        return render_template("sources.html.j2", TEMPLATES, settings=settings, **vars(self))
-
 
 def open_study(study: Mapping[str, Any] | str) -> StudyPage:
     """The page of a study as the workflow gives it, or by the name of a study that a run has made.
 
-    By its name the study is that of `results/notebooks/NAME.ipynb`, below this folder or one above it, which becomes
-    the working folder since the paths of files count from there. What the notebook draws then goes into a folder of
-    its own, so that the results stay those of the run.
+    By its name the study is that of `results/notebooks/NAME.ipynb`, as `open_parameter` reads it. What the notebook
+    draws then goes into a folder of its own, so that the results stay those of the run.
 
     Raises
     ------
     FileNotFoundError
         If no run has made the study.
     """
-    if not isinstance(study, str):
-        return StudyPage(**study)
-    path = f"results/notebooks/{study}.ipynb"
+    page = StudyPage(**open_parameter(study))
+    if isinstance(study, str):
+        own = Path(tempfile.mkdtemp(prefix="ankleloop-")) / study
+        page.table_stem = page.figure_stem = str(own)
+    return page
+
+
+def open_parameter(parameter: Mapping[str, Any] | str) -> Mapping[str, Any]:
+    """The parameter of a notebook as the workflow gives it, or that of `results/notebooks/NAME.ipynb` by its name.
+
+    The notebook is below this folder or one above it, which becomes the working folder since the paths of files count
+    from there.
+
+    Raises
+    ------
+    FileNotFoundError
+        If no run has made the notebook.
+    """
+    if not isinstance(parameter, str):
+        return parameter
+    path = f"results/notebooks/{parameter}.ipynb"
     folders = [folder for folder in (Path.cwd(), *Path.cwd().parents) if (folder / path).exists()]
     if not folders:
         raise FileNotFoundError(
-            f"no run has made the study {study!r}, whose files {path} lists: run make, or make beyond, or set study to "
-            "the name of a study that was run."
+            f"no run has made {path}, which lists the files of {parameter!r}: run make, or make beyond, or set the "
+            "parameter to the name of a study that was run."
         )
     os.chdir(folders[0])
-    own = Path(tempfile.mkdtemp(prefix="ankleloop-")) / study
-    parameters = json.loads(Path(path).read_text(encoding="utf-8"))["metadata"]["study"]
-    return StudyPage(**{**parameters, "table_stem": str(own), "figure_stem": str(own)})
+    return json.loads(Path(path).read_text(encoding="utf-8"))["metadata"]["parameter"]
 
 
 def show_note(note: str) -> None:

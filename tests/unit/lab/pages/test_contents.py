@@ -2,7 +2,7 @@
 
 import re
 
-from ankleloop_lab.pages.rendering import render_page
+from ankleloop_lab.pages.page import render_page
 
 
 def test_headings_of_one_text_have_different_anchors():

@@ -83,6 +83,27 @@ def test_modules_of_each_package_count(library, package):
     assert not changed_by(library, other, f"{package}/further/x.py")
 
 
+def test_data_counts_where_it_is_named(library):
+    library("ankleloop/a/x.py", 'render_template("page.html")')
+    library("ankleloop/a/templates/page.html", '{% include "page.css" %}')
+    library("ankleloop/a/templates/page.css")
+    script = library("script.py", "import ankleloop.a.x")
+    other = library("other.py", "import ankleloop.a")
+    assert changed_by(library, script, "ankleloop/a/templates/page.css")
+    assert not changed_by(library, other, "ankleloop/a/templates/page.css")
+
+
+def test_the_style_of_pages_executes_no_notebook():
+    scripts = module.LIBRARY.parent / "workflow" / "scripts"
+    notebooks = module.LIBRARY.parent / "notebooks"
+    for notebook in sorted(notebooks.glob("*.ipynb")):
+        reached = {path.name for path in reached_files(scripts / "execute.py", notebook)}
+        assert "page.css" not in reached
+    assert {"page.css", "base.html.j2", "sources.html.j2", "table.html.j2", "tables.js"} <= {
+        path.name for path in reached_files(scripts / "page.py")
+    }
+
+
 def test_how_an_estimate_is_drawn_changes_no_number():
     """A change of figures and words plans no identification, though an estimate imports them where it is asked."""
     script = module.LIBRARY.parent / "workflow" / "scripts" / "identify.py"

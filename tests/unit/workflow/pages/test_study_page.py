@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from ankleloop.simulation.settings import SimulationSettings
+from ankleloop_workflow.pages.report import render_faults, render_sources
 from ankleloop_workflow.pages.study_page import StudyPage
 
 
@@ -59,7 +60,7 @@ def page(tmp_path):
 def test_trials_and_settings_stand_once_at_the_end_with_what_is_not_by_default(page):
     for values in page.points.values():
         values["amplitude"] = 0.05
-    part = page.render_sources()
+    part = render_sources(page)
     assert page.typical == "g=13"
     assert "Trials and settings: 2 trials at each point; inertia of the load" in part
     assert "amplitude 0.05 rad" in part
@@ -70,7 +71,7 @@ def test_trials_and_settings_stand_once_at_the_end_with_what_is_not_by_default(p
 
 
 def test_failures_and_warnings_are_counted_at_the_top_and_listed_with_reasons_at_the_end(page):
-    sentence, part = page.render_faults()
+    sentence, part = render_faults(page)
     assert sentence == (
         "Of 8 identifications 1 failed and 1 came with a warning: see the end of this page. A ring in a figure marks a "
         "mean of which at least 5 % did, on a curve as many more than at its median point."
@@ -83,7 +84,7 @@ def test_failures_and_warnings_are_counted_at_the_top_and_listed_with_reasons_at
         ["PR &lt;&amp;&gt;", "warning", "unstable", "1", setting],
     ]
     page.details[["failure", "warnings"]] = None
-    assert page.render_faults() == ("", "")
+    assert render_faults(page) == ("", "")
 
 
 def test_a_figure_of_a_trial_that_failed_by_every_method_is_refused(page):

@@ -1,5 +1,6 @@
-"""Run a notebook with parameters, and render it as one HTML page that needs no other files."""
+"""Run a notebook with its parameter, and keep it with its outputs; what it draws and tabulates it writes itself."""
 
+import base64
 import json
 import shutil
 import tempfile
@@ -9,23 +10,23 @@ from pathlib import Path
 import matplotlib
 import nbformat
 import papermill
-from nbconvert import HTMLExporter
+import zmq
+from traitlets.config import Config
 
-from ankleloop.trials.files import atomic_file
-from ankleloop_lab.pages.rendering import find_captions, render_page
+from ankleloop.trials.files import PathLike, atomic_file
 from ankleloop_workflow.jobs.job import log, running
 from ankleloop_workflow.pages.study_page import StudyPage
 
 
-def check_parameters(notebook: str, parameters: Mapping) -> None:
-    """Refuse a notebook that declares other parameters than those of the rule."""
+def check_parameter(notebook: str, name: str) -> None:
+    """Refuse a notebook that declares other parameters than that of the rule."""
     declared = papermill.inspect_notebook(notebook)
     if not declared:
         raise ValueError(f"{notebook} has no cell tagged 'parameters'.")
-    for name in sorted(set(parameters) - set(declared)):
+    if name not in declared:
         raise ValueError(f"{notebook} does not declare the parameter {name!r}.")
-    for name in sorted(set(declared) - set(parameters)):
-        raise ValueError(f"the rule has no value for the parameter {name!r} of {notebook}.")
+    for other in sorted(set(declared) - {name}):
+        raise ValueError(f"the rule has no value for the parameter {other!r} of {notebook}.")
 
 
 def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
@@ -35,8 +36,15 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
     matplotlib.get_cachedir()
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/executed.ipynb"
+        # Files, which other users cannot read, instead of open ports.
+        sockets = {"transport": "ipc", "ip": f"{folder}/kernel"} if zmq.has("ipc") else {}
         papermill.execute_notebook(
-            notebook, path, parameters, kernel_name="python3", progress_bar=False
+            notebook,
+            path,
+            parameters,
+            kernel_name="python3",
+            progress_bar=False,
+            config=Config(KernelManager=sockets),
         )
         executed = nbformat.read(path, as_version=4)
     for number, cell in enumerate(executed.cells):
@@ -44,27 +52,33 @@ def execute(notebook: str, parameters: Mapping) -> nbformat.NotebookNode:
     return executed
 
 
-def write_executed(notebook: nbformat.NotebookNode, study: Mapping, path: str) -> None:
+def write_executed(notebook: nbformat.NotebookNode, parameters: Mapping, path: PathLike) -> None:
     """Write an executed notebook, which runs from its folder, without times: the same bytes for the same outputs.
 
-    Its parameter is the name of the study; `open_study` of its page reads the rest in the metadata.
+    Its parameter is the name of its file, in whose metadata the page reads the rest.
     """
+    [(name, values)] = parameters.items()
     notebook.metadata.pop("papermill", None)
-    notebook.metadata["study"] = study
+    notebook.metadata["parameter"] = values
     for cell in notebook.cells:
         cell.metadata.pop("papermill", None)
         cell.metadata.pop("execution", None)
         if "injected-parameters" in cell.metadata.get("tags", ()):
-            cell.source = f'study = "{study["study"]}"'
+            cell.source = f'{name} = "{Path(path).stem}"'
     with atomic_file(path, overwrite=True) as partial:
         nbformat.write(notebook, partial)
 
 
-def export_outputs(notebook: nbformat.NotebookNode) -> str:
-    """Texts and outputs of a notebook as HTML, without its code."""
-    exporter = HTMLExporter(template_name="basic", exclude_input=True, exclude_anchor_links=True)
-    exporter.exclude_input_prompt = exporter.exclude_output_prompt = True
-    return exporter.from_notebook_node(notebook)[0]
+def find_captions(notebook: nbformat.NotebookNode) -> dict[bytes, str]:
+    """Captions of the pictures that a notebook shows: their alternative texts."""
+    captions = {}
+    for cell in notebook["cells"]:
+        for output in cell.get("outputs", ()):
+            picture = output.get("data", {}).get("image/png")
+            if picture:
+                attributes = output["metadata"].get("image/png", {})
+                captions[base64.b64decode(picture)] = attributes.get("alt", "")
+    return captions
 
 
 def write_captions(captions: Mapping[bytes, str], folder: Path) -> None:
@@ -80,7 +94,7 @@ def write_captions(captions: Mapping[bytes, str], folder: Path) -> None:
 with running(snakemake):
     notebook = snakemake.input.notebook
     parameters = dict(snakemake.params.parameters)
-    check_parameters(notebook, parameters)
+    check_parameter(notebook, *parameters)
     # Diagrams of the article.
     sources = snakemake.input.get("diagrams", ())
     copies = snakemake.output.get("diagrams", ())
@@ -91,25 +105,9 @@ with running(snakemake):
     if figures:
         Path(figures).mkdir(parents=True, exist_ok=True)
     executed = execute(notebook, parameters)
-    study = parameters.get("study")
-    study_page = StudyPage(**study) if study else None
-    if study_page:
-        study_page.check_written(notebook)
-    captions = find_captions(executed)
-    if figures:
-        write_captions(captions, Path(figures))
-    body = export_outputs(executed)
     log.info("executed %s", notebook)
-    # The article shows several studies, each of which has a page of its own in a folder.
-    if study_page:
-        write_executed(executed, study, snakemake.output.code)
-        note, faults = "", ""  # pages of recordings have their own
-        if "table_file" in study:
-            note, faults = study_page.render_faults()
-        body = f"{body}{faults}{study_page.render_sources()}"
-        page = render_page(study_page.title, body, note=note, index="../index.html")
-    else:
-        page = render_page(parameters["title"], body, note="", index="index.html")
-    report = next(path for path in snakemake.output if path.endswith(".html"))
-    with atomic_file(report, overwrite=True) as path:
-        path.write_text(page, encoding="utf-8")
+    if "study" in parameters:
+        StudyPage(**parameters["study"]).check_written(notebook)
+    if figures:
+        write_captions(find_captions(executed), Path(figures))
+    write_executed(executed, parameters, snakemake.output.code)
