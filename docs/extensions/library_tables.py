@@ -4,7 +4,6 @@ import json
 import re
 from typing import ClassVar
 
-from click import unstyle
 from docutils import nodes
 from docutils.parsers.rst.directives import flag
 from pydantic_core import to_jsonable_python
@@ -14,7 +13,6 @@ from sphinx.util.docutils import SphinxDirective, SphinxRole
 
 from ankleloop.options import Options, type_name
 from ankleloop.quantities import QUANTITIES
-from ankleloop_lab.command_line.main import commands
 
 PACKAGES = ("ankleloop", "ankleloop_lab", "ankleloop_workflow")
 
@@ -86,32 +84,6 @@ class QuantitiesTable(SphinxDirective):
         return [_table(("key", "name", "symbol", "unit"), quantity_rows(), code=(0,))]
 
 
-class CommandHelp(SphinxDirective):
-    """The directive `command-help`: what `ankleloop VERB --help` prints."""
-
-    optional_arguments = 1
-
-    def run(self):
-        """Take the text from the command itself."""
-        verbs = [self.arguments[0]] if self.arguments else []
-        text = command_help(verbs)
-        return [nodes.literal_block(text, text, language="none")]
-
-
-def command_help(verbs):
-    """The help of the command `ankleloop`, or of one of its verbs, without colours."""
-    command, context = (
-        commands,
-        commands.make_context("ankleloop", ["--version"], resilient_parsing=True),
-    )
-    for verb in verbs:
-        command = commands.get_command(context, verb)
-        if command is None:
-            raise ValueError(f"the command ankleloop has no verb {verb!r}.")
-        context = command.make_context(verb, [], parent=context, resilient_parsing=True)
-    return unstyle(command.get_help(context)).rstrip()
-
-
 def _table(head, rows, code):
     table = nodes.table(classes=["table"])
     group = nodes.tgroup(cols=len(head))
@@ -181,7 +153,6 @@ def _same_object(first, second):
 def setup(app):
     """Register the extension with Sphinx."""
     app.add_directive("options-table", OptionsTable)
-    app.add_directive("command-help", CommandHelp)
     app.add_directive("quantities-table", QuantitiesTable)
     app.add_role("library-name", Name())
     app.connect("missing-reference", resolve_name)

@@ -178,7 +178,10 @@ def test_changed_pages_are_made_again(plan, touch):
     jobs = plan()
     recordings = {"recordings", "publish", "notebook", "figure"}
     assert {job.split()[0] for job in jobs} == {"report", "article", "index"} | recordings
-    assert not {job for job in jobs if job.startswith("notebook")} & {"notebook table1", "notebook figure4"}
+    assert not {job for job in jobs if job.startswith("notebook")} & {
+        "notebook table1",
+        "notebook figure4",
+    }
 
 
 def test_the_whole_paper_is_there(reproduction):

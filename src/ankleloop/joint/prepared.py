@@ -161,6 +161,8 @@ class PreparedTrial:
 
         Velocity for the nonlinearity is taken at the recording rate through a wide differentiator, delayed and
         expanded there; every term is decimated only then, because a rectifier after decimation is another rectifier.
+        `reference` names a variable that the load cannot reach; it is decimated, too, for instruments made of it. A
+        method that uses one has it as an option, by which its estimates say what they rest on.
         """
         if reference is not None:
             self.check_variable(reference)

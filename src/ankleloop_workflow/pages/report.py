@@ -48,9 +48,7 @@ def render_faults(page: StudyPage) -> tuple[str, str]:
     if reasons.empty:
         return "", ""
     points = page.details.drop_duplicates("point").set_index("point")[page.keys].astype(object)
-    settings = [
-        describe_values(points.loc[name].dropna()) or name for name in reasons.pop("point")
-    ]
+    settings = [describe_values(points.loc[name].dropna()) or name for name in reasons.pop("point")]
     cells = reasons.assign(method=reasons["method"].map(page.labels), example=settings)
     table = render_table(cells)
     return count_faults(page.details), f"<h2>Failures and warnings</h2>{table}"

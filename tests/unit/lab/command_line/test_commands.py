@@ -15,6 +15,7 @@ from ankleloop.errors import ResourceError
 from ankleloop_lab.command_line.check import check
 from ankleloop_lab.command_line.identify import CHOICE
 from ankleloop_lab.command_line.main import DATA, INTERRUPTED, MISTAKE, USAGE
+from ankleloop_lab.command_line.reference import REFERENCE, reference_text
 from ankleloop_lab.command_line.terminal import correct, name_option, show_correction
 from ankleloop_lab.files.reading_process import CONTAINERS
 
@@ -24,6 +25,11 @@ from ankleloop_lab.command_line.main import main
 main(["--help"])
 print([name for name in ("matplotlib", "numba", "pandas", "scipy", "xarray") if name in sys.modules])
 """
+
+
+def test_the_reference_in_the_repository_is_current():
+    current = REFERENCE.read_text(encoding="utf-8")
+    assert current == reference_text(), "run: python -m ankleloop_lab.command_line.reference"
 
 
 def test_help_imports_nothing_that_takes_time():

@@ -54,6 +54,25 @@ def test_one_file_of_many_may_be_missing(recorded, tmp_path):
         recorded(str(folder), B="missing.csv")
 
 
+def test_records_too_short_for_a_method_are_refused_before_the_first_job(tmp_path):
+    """Where another method of the study can identify them."""
+    methods = {name: {"method": name} for name in ("parallel-cascade", "real-time")}
+    study = {
+        "kind": "simulation",
+        "seed": 1,
+        "trials": 1,
+        "points": {"duration": [60.0, 9.0]},
+        "methods": methods,
+    }
+    path = tmp_path / "config.yaml"
+    path.write_text(yaml.safe_dump({"studies": {"short": study}}), encoding="utf-8")
+    read_run({"studies": {"short": study}}, [path])
+    with pytest.raises(
+        ConfigError, match=r"line \d+: .* real-time: .*duration=9\.0.*record longer"
+    ):
+        read_run({"studies": {"short": study}}, [path], identify=True)
+
+
 def test_a_run_without_the_article_says_so(config):
     whole = read_studies(config)[0]
     assert (describe_article(whole), whole.article_names) == ("", config["article"])
