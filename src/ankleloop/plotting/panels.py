@@ -38,6 +38,8 @@ FAULT_RING: dict[str, Any] = {
     "label": "with failures or warnings",
     "gid": FAULT,
 }
+# On a curve, where every method has some.
+CURVE_RING = FAULT_RING | {"label": "more failures or warnings than others of the curve"}
 # At an edge of a panel, in the colour of the method: every trial of a mean failed.
 FAILURE_CROSS: dict[str, Any] = {
     "marker": "x",
@@ -234,7 +236,7 @@ def _draw_curve(
     elif np.isfinite(low).any():
         axis.fill_between(x, low, high, color=style.colour, alpha=BAND_OPACITY, lw=0)
     axis.plot(x, value, **look, label=label)
-    _draw_marks(axis, rows["marked"], x, value, **FAULT_RING)
+    _draw_marks(axis, rows["marked"], x, value, **(CURVE_RING if joined else FAULT_RING))
     _draw_marks(
         axis,
         rows["failed"],

@@ -23,7 +23,7 @@ from ankleloop.plotting.style import (
 
 # Against the true torques; what lies above the level is shown on a scale of its own, too.
 VAF_PANELS = {
-    torque: Panel("VAF [%]", f"{torque} torque", limits=(-160.0, 100.4))
+    torque: Panel("VAF [%]", f"{torque} torque", limits=(-160.0, 107.0))
     for torque in ("net", "intrinsic", "reflex")
 }
 VAF_LEVEL = 90.0  # %
@@ -42,7 +42,7 @@ def curves_figure(
 
     The columns are `panel`, `series`, `x`, `value`, `low`, `high`, `marked` and `failed`. A single trial has no band. A
     ring marks means with more failures and warnings than others of their curve; where every trial failed, a cross
-    stands at the lower edge of the panel. Panels of the same quantity share their ordinate. What lies above a level is
+    stands at the lower edge of the panel. Panels of the same quantity share their ordinate. What lies above a level [%] is
     also shown on a scale of its own, in panels on top of the others.
     """
     direction = "x" if log else ""
@@ -51,7 +51,7 @@ def curves_figure(
     if above is not None:
         for name, panel in panels.items():
             label = panel.label.replace(" [", f" above {above:g} [")
-            _, top = panel.limits or (0.0, 100.0)
+            top = 100.0 + 0.04 * (100.0 - above)  # with room for symbols at 100 %
             upper[f"upper {name}"] = replace(panel, label=label, limits=(above, top))
         table = pd.concat([table.assign(panel="upper " + table["panel"]), table])
     figure = draw_panels(
