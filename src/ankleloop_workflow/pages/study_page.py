@@ -21,7 +21,7 @@ from ankleloop.plotting.style import MethodStyle, label_styles, save_figure
 from ankleloop.quantities import point_column
 from ankleloop_lab.pages.rendering import render_table
 from ankleloop_workflow.tables.captions import describe_settings, typical_point
-from ankleloop_workflow.tables.comparisons import write_table
+from ankleloop_workflow.tables.comparisons import drop_omissions, write_table
 from ankleloop_workflow.tables.estimate_tables import load_estimates
 from ankleloop_workflow.tables.trial_tables import read_results
 
@@ -39,7 +39,7 @@ class StudyPage(SimpleNamespace):
     @cached_property
     def details(self) -> pd.DataFrame:
         """Scores, parameters and diagnostics: a row for each estimate."""
-        return read_results(self.table_file)
+        return drop_omissions(read_results(self.table_file))
 
     @cached_property
     def table(self) -> pd.DataFrame:

@@ -42,8 +42,8 @@ def curves_figure(
 
     The columns are `panel`, `series`, `x`, `value`, `low`, `high`, `marked` and `failed`. A single trial has no band. A
     ring marks means with more failures and warnings than others of their curve; where every trial failed, a cross
-    stands at the lower edge of the panel. Panels of the same quantity share their ordinate. What lies above a level [%] is
-    also shown on a scale of its own, in panels on top of the others.
+    stands at the lower edge of the panel. Panels of the same quantity share their ordinate. What lies above a level [%]
+    is also shown on a scale of its own, in panels on top of the others.
     """
     direction = "x" if log else ""
     panels = {name: replace(panel, xlabel=xlabel, log=direction) for name, panel in panels.items()}

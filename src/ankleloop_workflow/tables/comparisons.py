@@ -154,6 +154,14 @@ def compare_with_bound(
     return pd.DataFrame(rows).merge(count_outcomes(details, keys), on=keys)
 
 
+def drop_omissions(details: pd.DataFrame) -> pd.DataFrame:
+    """Details without the warnings that a step is left out, which say of a study what it was made for."""
+    warnings = details["warnings"].astype("string")
+    for step in OMITTED_STEPS:
+        warnings = warnings.str.replace(describe_omission(step), "", regex=False)
+    return details.assign(warnings=warnings.str.strip().replace("", pd.NA).astype(object))
+
+
 def tabulate_omissions(
     details: pd.DataFrame, points: Points, labels: Labels, algorithms: Mapping[str, str]
 ) -> pd.DataFrame:
@@ -162,12 +170,7 @@ def tabulate_omissions(
     Points have the step that their estimates lack as `omitted_step`; a method without this option has no such rows.
     """
     keys = ["point", "method"]
-    # The warning that a step is left out is none here.
-    warnings = details["warnings"].fillna("")
-    for step in OMITTED_STEPS:
-        warnings = warnings.str.replace(describe_omission(step), "", regex=False)
-    counted = details.assign(warnings=warnings.str.strip())
-    counts = count_outcomes(counted, keys).set_index(keys)
+    counts = count_outcomes(details, keys).set_index(keys)
     results = {
         place: part.set_index("trial").reindex(columns=OMISSION_COLUMNS).astype(float)
         for place, part in details.groupby(keys)

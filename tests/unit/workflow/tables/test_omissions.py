@@ -7,7 +7,7 @@ from scipy import stats
 
 from ankleloop.methods.moesp import describe_omission
 from ankleloop.simulation.settings import SimulationSettings
-from ankleloop_workflow.tables.comparisons import COMPLETE, tabulate_omissions
+from ankleloop_workflow.tables.comparisons import COMPLETE, drop_omissions, tabulate_omissions
 
 TRIALS = 6
 COMPLETE_POINTS = {
@@ -52,7 +52,7 @@ def results():
                     for torque, against in SCORES.items()
                 }
                 rows.append(key | values | {"warnings": " ".join(warnings) or np.nan})
-    return pd.DataFrame(rows)
+    return drop_omissions(pd.DataFrame(rows))
 
 
 def values_of(parameters, point, method):
