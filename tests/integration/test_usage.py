@@ -5,7 +5,15 @@ from workflow_runs import MODULE, count_jobs
 
 pytestmark = pytest.mark.workflow
 
-PLANNED = {"simulate": 2, "identify": 2, "table": 1, "report": 1, "figure": 2, "index": 1}
+PLANNED = {
+    "simulate": 2,
+    "identify": 2,
+    "table": 1,
+    "notebook": 1,
+    "report": 1,
+    "figure": 2,
+    "index": 1,
+}
 
 
 def test_a_module_under_another_name(clean, snakemake, tiny, tmp_path):
