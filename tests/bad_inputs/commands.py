@@ -120,16 +120,22 @@ ROWS = [
         "--stop S",
     ),
     row(
-        "a torque in ft·lb",
+        "a torque in ft·lb that is read as N·m",
         text_file(
             "a.csv", csv_text({**DEGREES, "torque_ftlb": TORQUE}).replace(",torque,", ",emg,")
         ),
-        "check",
+        "check --torque-unit Nm",
         DATA,
         "next: ankleloop check",
-        '--torque-unit "lbf·ft"',
+        '--torque-unit "ft·lbf"',
     ),
-    row("an unknown unit", csv_file(), "check --torque-unit dyn", USAGE, "torque_unit must be one"),
+    row(
+        "an unknown unit",
+        csv_file(),
+        "check --torque-unit xyz",
+        USAGE,
+        "torque_unit must be a unit",
+    ),
     row(
         "braces in a name",
         in_braces,

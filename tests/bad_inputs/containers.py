@@ -25,7 +25,7 @@ def netcdf_file(position=POSITION, **variables):
     return make
 
 
-HOURS = ("t", TIME, {"units": "hours since 2024-01-01"})
+DAYS = ("t", TIME, {"units": "days since 2024-01-01"})
 CELLS = np.array([1.0, "b"], dtype=object)
 
 
@@ -142,8 +142,8 @@ ROWS = [
         "a.nc: position is not finite at sample 4",
     ),
     row(
-        "netcdf: times in hours",
-        netcdf_file(time=HOURS),
+        "netcdf: times in days",
+        netcdf_file(time=DAYS),
         "a.nc: time is in",
         "write it in seconds, ms or µs",
     ),

@@ -79,6 +79,13 @@ def position(name: str, *says: str, unit: str | None = None):
     return row(f"position: {name}", named(position=name), *says, remedy={"position_unit": unit})
 
 
+def reference(name: str, *says: str):
+    """A row of a command under a name that says a unit of no angle."""
+    columns = {"angle_deg": POSITION, "torque": TORQUE, name: POSITION, "time_s": TIME}
+    made = text_file("a.csv", csv_text(columns))
+    return row(f"reference: {name}", made, *says, remedy={"reference_unit": None})
+
+
 def scale(wrong: str, make, *says: str, option: str = "torque_unit"):
     """A row of a scale of which nobody says what it is for."""
     return row(wrong, make, *says, f"of 1 in the file as {option}", remedy={option: None})
@@ -89,31 +96,91 @@ at_1_khz = partial(read_trial, sampling_rate=1000.0)
 in_newton_metres = partial(read_trial, torque_unit="Nm")
 
 ROWS = [
-    torque("torque_ftlb", "(1 lbf·ft = 1.35582 N·m)", unit="lbf·ft"),
-    torque("tq_kgfm", "torque_unit is 'N·m': pass torque_unit='kgf·m'", unit="kgf·m"),
-    torque("Torque [in-lb]", "(1 lbf·in = 0.112985 N·m)", unit="lbf·in"),
-    torque("ankleTorqueNcm", "(1 N·cm = 0.01 N·m)", unit="N·cm"),
     torque("torque (V)", "is in 'V'", "pass the N·m per volt as torque_unit"),
     torque("torque [N]", "is in 'N'", "pass the lever arm in m as torque_unit"),
     torque("moment_Nm_kg", "pass the mass of the body in kg as torque_unit"),
     torque("moment (Nm/kg)", "is in 'Nm/kg'", "pass the mass of the body"),
     torque("torque (left)", "is in 'left'", "pass the N·m of 1 in the file as torque_unit"),
-    position("position_turns", "(1 turn = 6.28319 rad)", unit="turn"),
-    position("angle (mrad)", "(1 mrad = 0.001 rad)", unit="mrad"),
+    torque("torque_V", "is in 'V'", "pass the N·m per volt as torque_unit"),
+    torque("torque (N·m/rad)", "is in 'N·m/rad'", "pass the N·m per newton·metre/radian"),
+    position(
+        "gyro angle (deg/s)", "is in 'deg/s'", "pass the rad per degree/second as position_unit"
+    ),
+    position("angle [%MVC]", "pass the rad per percent as position_unit"),
+    position("angle_mm", "pass the rad per millimetre as position_unit"),
+    reference("command_V", "is in 'V'", "pass the rad per volt as reference_unit"),
+    reference("command [counts]", "pass the rad per count as reference_unit"),
+    row(
+        "a number in place of a unit that the file states",
+        named(position="angle_deg"),
+        "angle_deg is in 'deg' according to the file, but position_unit is 0.1: pass position_unit='deg'",
+        call=partial(read_trial, position_unit=0.1),
+        remedy={"position_unit": "deg"},
+    ),
+    row(
+        "a torque in V whose unit is given as V",
+        named(torque="torque_V"),
+        "torque_unit takes a number, how many N·m 1 is in the file",
+        "pass the N·m per volt; got 'V'",
+        call=partial(read_trial, torque_unit="V"),
+    ),
     position("pos_counts", "pass the rad per count as position_unit"),
     row(
         "torque: another unit than the one that is given",
         named(torque="torque_ftlb"),
-        "but torque_unit is 'N·m'",
+        "but torque_unit is 'N·m': pass torque_unit='ft·lbf' (1 ft·lbf = 1.35582 N·m)",
         call=in_newton_metres,
-        remedy={"torque_unit": "lbf·ft"},
+        remedy={"torque_unit": "ft·lbf"},
+    ),
+    # names
+    row(
+        "names: velocities alone",
+        named(position="theta_dot"),
+        "no variable is called position or pos or angle or theta",
+        "the file has: time, theta_dot, torque.",
+        remedy={"position": None},
+    ),
+    row(
+        "names: an acceleration alone",
+        named(position="acc_angle"),
+        "no variable is called position or pos",
+        remedy={"position": None},
+    ),
+    row(
+        "names: a counter alone",
+        timed("Sample Number (10000 samples per second)", range(len(TIME))),
+        "there is no sampling rate",
+        remedy={"sampling_rate": None},
+    ),
+    row(
+        "names: frames alone",
+        timed("frame (1 per second)", range(len(TIME))),
+        "there is no sampling rate",
+        remedy={"sampling_rate": None},
+    ),
+    row(
+        "names: a counter that is called time",
+        timed("time", range(len(TIME))),
+        "time runs at 1 Hz, too slow for a joint",
+        remedy={"sampling_rate": None},
+    ),
+    row(
+        "names: with blanks, between blanks",
+        text_file("a.txt", "Time (s) my angle torque\n" + "0 1 2\n" * 5),
+        "a.txt: there are blanks between the numbers, and more or fewer names in line 1",
+    ),
+    row(
+        "names: LabChart without its titles",
+        text_file("a.txt", "Interval=\t0.001 s\nRange=\t10 V\t10 V\n" + "0\t1\n1\t2\n" * 5),
+        "no variable is called position",
+        remedy={"position": None},
     ),
     row(
         "an unknown unit",
         named(),
-        "a.csv: torque_unit must be one of 'N·m', 'mN·m'",
-        "got 'dyn'",
-        call=partial(read_trial, torque_unit="dyn"),
+        "a.csv: torque_unit must be a unit such as N·m, or a number",
+        "got 'xyz'",
+        call=partial(read_trial, torque_unit="xyz"),
     ),
     # scales
     scale(
@@ -138,21 +205,22 @@ ROWS = [
     scale("mat: a gain beside the torque", mat_file(torque_gain=3.0), "torque is in 'gain = 3.0'"),
     row(
         "mat: a unit in the struct",
-        struct(units="mrad"),
-        "Angle.values is in 'mrad'",
-        remedy={"position_unit": "mrad"},
+        struct(units="mm"),
+        "Angle.values is in 'mm'",
+        remedy={"position_unit": None},
     ),
     row(
         "hdf5: an unstated unit, and another one in the name",
         hdf5_ftlb,
-        "torque_ftlb is in 'lbf·ft'",
-        remedy={"torque_unit": "lbf·ft"},
+        "torque_ftlb is in 'ftlb'",
+        call=in_newton_metres,
+        remedy={"torque_unit": "ft·lbf"},
     ),
     # times
     row("Time (s): a gap", timed("Time (s)", LATE), "irregular at sample 151", LEAVE_OUT),
     row("TIME: a gap", timed("TIME", LATE), "TIME is irregular at sample 151", LEAVE_OUT),
     row("Zeit [ms]: a gap", timed("Zeit [ms]", 1e3 * LATE), "(0.802 s)", LEAVE_OUT),
-    row("Time (h)", timed("Time (h)", TIME), "in 'h'", "write it in seconds, ms or µs"),
+    row("Time (rad)", timed("Time (rad)", TIME), "in 'rad'", "write it in seconds, ms or µs"),
     row(
         "a clock: a gap",
         timed("time", [*CLOCK[:100], *CLOCK[150:], *CLOCK[:50]]),

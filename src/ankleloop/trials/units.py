@@ -1,10 +1,10 @@
-"""Units of the channels of a trial: torques in N·m, positions in rad or another unit of an angle."""
+"""Units of the channels of a trial: torques in N·m, positions in rad or degrees."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,6 @@ TORQUE_UNIT = "N·m"
 POSITION_UNITS = {  # and their rad
     "rad": 1.0,
     "deg": math.pi / 180.0,
-    "mrad": 1e-3,
-    "turn": 2.0 * math.pi,
 }
 # Spellings of the units, without signs and capitals.
 SPELLINGS = {
@@ -25,32 +23,22 @@ SPELLINGS = {
     "N·m": "nm newtonmeter newtonmetre newtonmeters newtonmetres",
     "rad": "rad radian radians",
     "deg": "deg degree degrees °",
-    "mrad": "mrad milliradian milliradians",
-    "turn": "turn turns rev revs revolution revolutions",
 }
 # What turns samples into numbers with a unit, where no convention says how, and its neutral value.
 SCALES = {"conversion": 1.0, "gain": 1.0, "scale": 1.0, "sensitivity": 1.0, "offset": 0.0}
 
 
-def by_spelling(spellings: Mapping[Any, str]) -> dict[str, Any]:
-    """Units by each of their spellings."""
-    return {word: unit for unit, words in spellings.items() for word in words.split()}
+UNITS = {word: unit for unit, words in SPELLINGS.items() for word in words.split()}
 
 
-UNITS = by_spelling(SPELLINGS)
+def normalise_unit(text: str) -> str:
+    """Unit in one of its spellings, without signs and capitals; another text as it is."""
+    return UNITS.get(re.sub(r"[\s·.*⋅•×_^()\[\]-]", "", text).lower(), text)
 
 
-def strip_unit(text: str) -> str:
-    """A unit without signs and capitals."""
-    return re.sub(r"[\s·.*⋅•×_^()\[\]-]", "", text).lower()
-
-
-def normalise_unit(text: str, units: Mapping[str, str] = UNITS) -> str:
-    """Unit in one of its spellings; another text as it is."""
-    return units.get(strip_unit(text), text)
-
-
-def find_stated_unit(attributes: Mapping[str, Any], known: Mapping[str, str] = UNITS) -> str:
+def find_stated_unit(
+    attributes: Mapping[str, Any], normalise: Callable[[str], str] = normalise_unit
+) -> str:
     """Unit that attributes state, and a scale without a convention; texts that differ are joined, to be refused."""
     units: dict[str, str] = {}
     scales = {} if is_nwb(attributes) else SCALES
@@ -59,7 +47,7 @@ def find_stated_unit(attributes: Mapping[str, Any], known: Mapping[str, str] = U
         is_number = np.asarray(value).dtype.kind in "iuf"
         if word in ("units", "unit"):
             text = as_text(value)
-            units[normalise_unit(text, known)] = text
+            units[normalise(text)] = text
         elif word in scales and is_number and np.any(value != scales[word]):
             units[name] = f"{name} = {value}"
     return " and ".join(text for unit, text in units.items() if unit)

@@ -64,10 +64,10 @@ def _check_bundle(
 def check(file: Path, bundle: Path | None, samples: bool, **values: Any) -> int:
     """Check what can be identified from a recording, before anything is fitted to it.
 
-    FILE is a table of text (.csv, .csv.gz, .txt, .tsv), or a MATLAB (.mat), HDF5 (.h5, .hdf5), NetCDF (.nc), FLB
-    (.flb), C3D (.c3d) or TDMS (.tdms) file. If an FLB file has several cases, they are listed. Length, clipping,
-    spikes, sign of the torque, coherence, excitation and drift are checked, and whether the loop is closed, which
-    decides which methods are valid.
+    FILE is a table of text (.csv, .csv.gz, .txt, .tsv, .sto, .mot), or a MATLAB (.mat), HDF5 (.h5, .hdf5), NetCDF
+    (.nc), FLB (.flb), C3D (.c3d) or TDMS (.tdms) file. If an FLB file has several cases, they are listed. Length,
+    clipping, spikes, sign of the torque, coherence, excitation and drift are checked, and whether the loop is closed,
+    which decides which methods are valid.
     """
     if samples and bundle is None:
         raise click.UsageError("--bundle-samples needs --bundle NEW.zip.")

@@ -27,6 +27,7 @@ OPTIONS = (
     *CHANNELS,
     "position_unit",
     "torque_unit",
+    "reference_unit",
     "position_sign",
     "torque_sign",
     "time",

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import NoneType
 from typing import Any, Literal, TypeVar, get_args, get_origin
@@ -19,17 +20,17 @@ from ankleloop_lab.files.channels import NONE
 from ankleloop_lab.files.contents import Variable
 from ankleloop_lab.files.reading_options import list_trials
 from ankleloop_lab.files.reading_process import read_channels
-from ankleloop_lab.files.units import POSITION_UNITS, TORQUE_UNITS, find_position_unit
+from ankleloop_lab.files.units import ChannelUnit
 from ankleloop_lab.recordings.settings import Recording
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 METAVARS = {"variables": "NAME=VARIABLE,…", "cycle_onsets": "NAME|TIMES"}
-METAVARS["position_unit"] = "|".join([*POSITION_UNITS, "RAD"])
-METAVARS["torque_unit"] = "|".join([*TORQUE_UNITS, "NM"])
+METAVARS |= dict.fromkeys(("position_unit", "torque_unit", "reference_unit"), "UNIT|NUMBER")
 METAVARS |= dict.fromkeys(("schedule", "time", *CHANNELS), "NAME")
 DEFAULTS = {"position_unit": "as the file states it, else rad", "sampling_rate": "that of the file"}
-DEFAULTS["torque_unit"] = "N·m"
+DEFAULTS["torque_unit"] = "as the file states it, else N·m"
+DEFAULTS["reference_unit"] = "as the file states it, else that of the position"
 DEFAULTS |= dict.fromkeys(CHANNELS, "by its name")
 FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
@@ -97,32 +98,34 @@ def map_file(path: Path, **values: Any) -> Recording:
     """Map the variables of a file to channels, and show it; what the options leave out follows from names and units."""
     options = parse_reading(path, **values)
     variables = _find_variables(path, options)
-    mapping = {"reference": NONE}
-    mapping |= {role: variable.name for role, variable in variables.items() if role in CHANNELS}
-    mapping |= options.channels
-    unit = options.position_unit
-    remark = ""
-    if unit is None:
-        position = variables.get("position")
-        unit = find_position_unit(position.name, position.unit) if position else None
-        remark = " (stated by the file)"
-        if unit is None:
-            unit = "rad"
-            remark = " (assumed: --position-unit deg if it is in degrees)"
-    recording = options.model_copy(update={**mapping, "position_unit": unit})
-    unit_text = f"{_show_unit(recording.position_unit, 'rad')}{remark}"
+    found = {role: variable.name for role, variable in variables.items() if role in CHANNELS}
+    mapping = {"reference": NONE} | found | options.channels
     echo(click.style(path.name, bold=True))
-    names = {role: _describe_part(name, variables.get(role)) for role, name in mapping.items()}
-    torque_unit = _show_unit(recording.torque_unit, "N·m")
-    echo(f"  position  {names['position']}, in {unit_text}, sign {recording.position_sign:+d}")
-    echo(f"  torque    {names['torque']}, in {torque_unit}, sign {recording.torque_sign:+d}")
-    echo(f"  reference {names['reference']}")
+    units: Mapping[str, ChannelUnit] = {}
+    with suppress(DataError):  # which its reading shows
+        units = options.find_units(variables, source=path.name)
+    position_unit = options.position_unit
+    if position_unit is None and "position" in units:
+        position_unit = units["position"].name
+    recording = options.model_copy(update={**mapping, "position_unit": position_unit})
+    signs = {"position": f", sign {recording.position_sign:+d}"}
+    signs["torque"] = f", sign {recording.torque_sign:+d}"
+    for role in filter(mapping.__contains__, CHANNELS):
+        described = _describe_part(mapping[role], variables.get(role))
+        is_assumed = getattr(options, f"{role}_unit") is None
+        unit = _describe_unit(units[role], is_assumed) if role in units else ""
+        echo(f"  {role:9} {described}{unit}{signs.get(role, '')}")
     return recording
 
 
-def _show_unit(unit: str | float | None, usual: str) -> str:
-    """A unit that is stated by name or as a number of the usual one, or else the usual one."""
-    return f"{unit:g} {usual}" if isinstance(unit, float) else unit or usual
+def _describe_unit(unit: ChannelUnit, is_assumed: bool) -> str:
+    """Unit of a channel, with its factor where that is not 1, and where the unit is from."""
+    remarks = [f"1 {unit.name} = {unit.factor:.6g} {unit.usual}"] if unit.factor != 1.0 else []
+    if unit.stated:
+        remarks.insert(0, "stated by the file")
+    elif is_assumed and unit.name == "rad":
+        remarks.append("assumed: --position-unit deg if it is in degrees")
+    return f", in {unit.name}" + (f" ({'; '.join(remarks)})" if remarks else "")
 
 
 def _describe_part(name: str, variable: Variable | None) -> str:

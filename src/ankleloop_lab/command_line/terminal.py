@@ -24,6 +24,7 @@ PLACEHOLDERS = {
     "case": "NUMBER",
     "position_unit": "NUMBER",
     "torque_unit": "NUMBER",
+    "reference_unit": "NUMBER",
     "variables": "NAME=VARIABLE",
     "start": "S",
     "stop": "S",

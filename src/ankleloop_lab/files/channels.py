@@ -16,12 +16,13 @@ from ankleloop.signals.sampling import check_same_rate, parse_rate
 from ankleloop.trials.channels import TRUE_TORQUES
 from ankleloop.trials.units import SCALES
 from ankleloop_lab.files.contents import Contents, Variable
-from ankleloop_lab.files.units import RATE_UNITS, is_time
+from ankleloop_lab.files.units import RATE_UNITS, is_time, split_time
 
 TIME, RATE = "time", "sampling_rate"  # roles beside the channels of the trial
 FOUND, NONE = "auto", "none"  # in place of the name of a variable
 # Upper and lower case count: T is often the torque, not the time.
 RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs")
+MOSTLY = 0.9  # of the samples of times rise, also where they have gaps
 # Names that say nothing of a channel that is a group or a struct.
 PLAIN_NAMES = ("values", "value", "data", "samples", "signal")
 # Words of a name that say what a channel is. A command of the position is a reference, one of the torque is nothing
@@ -32,8 +33,8 @@ CHANNEL_WORDS = {
     "reference": ("reference", "ref", "command", "cmd", "setpoint", "target"),
 }
 # Words that make another quantity of it.
-OTHER_WORDS = {"velocity", "speed", "acceleration", "rate", "offset", "gain", "index"}
-OTHER_WORDS |= {"unit", "units", "name", "label"}
+OTHER_WORDS = {"velocity", "vel", "dot", "ddot", "speed", "acceleration", "accel", "acc", "rate"}
+OTHER_WORDS |= {"offset", "gain", "index", "unit", "units", "name", "label"}
 
 
 def find_names(contents: Contents, variables: Mapping[str, str | None]) -> dict[str, str]:
@@ -59,7 +60,7 @@ def _list_own(contents: Contents, position: str) -> list[str]:
         return names
     if "*" not in position:
         names = [variable.name for variable in contents.variables]
-    positions = [name for name in names if _channel_of(name) == "position"]
+    positions = [name for name in names if channel_of(contents, name) == "position"]
     others = {contents.group_of(name) for name in positions} - {*contents.prefixes(position)}
     return [name for name in names if contents.group_of(name) not in others]
 
@@ -70,7 +71,7 @@ def _find_channel(channel: str, contents: Contents, names: Sequence[str]) -> str
     A name fits if one of its words, between underscores, spaces, brackets or capitals, is one of `CHANNEL_WORDS`:
     `ankle_angle` and `AnkleAngle` are positions, `angle_command` is a reference.
     """
-    called = [name for name in names if _channel_of(name) == channel]
+    called = [name for name in names if channel_of(contents, name) == channel]
     fitting = _list_with_samples(contents, called)
     if len(fitting) == 1:
         return fitting[0]
@@ -95,22 +96,25 @@ def _list_with_samples(contents: Contents, names: Iterable[str]) -> list[str]:
     return [name for name, each in variables.items() if each and math.prod(each.shape) > 1]
 
 
-def _channel_of(name: str) -> str | None:
+def channel_of(contents: Contents, full_name: str) -> str | None:
     """Channel that a full name says; None if it says none, or something else."""
-    # Signs within brackets, and in N.m, are those of units.
-    *groups, last = re.split(r"[/.](?![^(\[]*[)\]]|m\b)", name.rstrip("/."))
+    *groups, last = contents.split_groups(full_name)
     if groups and last.lower() in PLAIN_NAMES:
         last = groups[-1]
     if last in TRUE_TORQUES:
         return None
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", last).lower()
-    words = set(re.findall(r"[^\W\d_]+", spaced))
-    channels = [channel for channel, synonyms in CHANNEL_WORDS.items() if words & set(synonyms)]
-    if words & OTHER_WORDS:
+    words = re.findall(r"[^\W\d_]+", spaced)
+    if OTHER_WORDS.intersection(words):
         return None
-    if channels == ["position", "reference"]:
+    channels = [
+        channel for word in words for channel, names in CHANNEL_WORDS.items() if word in names
+    ]
+    if set(channels) == {"position", "reference"}:
         return "reference"
-    return channels[0] if len(channels) == 1 else None
+    if channels[-1:] == ["torque"] and set(channels) == {"position", "torque"}:
+        return "torque"  # about the axis of the position, as `ankle_angle_r_moment` of OpenSim
+    return channels[0] if len(set(channels)) == 1 else None
 
 
 def find_channels(
@@ -197,16 +201,34 @@ def _describe(contents: Contents, variable: Variable) -> Variable:
 
 
 def _find_times(contents: Contents, position: str, taken: Sequence[str]) -> str | None:
-    """Name of what may be the times, the nearest to the position; None if there is nothing."""
+    """Name of what may be the times, the nearest to the position; None if there is nothing.
+
+    Of several as near the first counts that rises, and of these one that states a unit, before a counter of samples.
+    """
     own = [name for name in _list_own(contents, position) if name not in taken]
     names = _list_with_samples(contents, own)
     for prefix in contents.prefixes(position):
-        for variable in filter(None, map(contents.find, names)):
-            name = variable.name
-            says_time = is_time(name.removeprefix(prefix)) or is_time(variable.unit)
-            if says_time and contents.group_of(name) == prefix:
-                return name
+        near = [name for name in names if contents.group_of(name) == prefix]
+        variables = filter(None, map(contents.find, near))
+        times = [
+            (variable, split_time(variable.name)[1] or variable.unit)
+            for variable in variables
+            if is_time(variable.name.removeprefix(prefix)) or is_time(variable.unit)
+        ]
+        if len(times) > 1:
+            times.sort(key=lambda time: (not _rises(contents, time[0]), not time[1]))
+        if times:
+            return times[0][0].name
     return None
+
+
+def _rises(contents: Contents, variable: Variable) -> bool:
+    """Whether samples rise from one to the next, but for a few."""
+    try:
+        values = _read_times(contents, variable)[1]
+    except DataError:
+        return False
+    return float(np.mean(np.diff(values) > 0)) > MOSTLY
 
 
 def _read_times(contents: Contents, variable: Variable) -> tuple[Variable, np.ndarray]:

@@ -25,7 +25,7 @@ import numpy as np
 
 from ankleloop.errors import DataError
 from ankleloop.trials.units import find_stated_unit, is_nwb
-from ankleloop_lab.files.units import UNITS
+from ankleloop_lab.files.units import normalise
 
 MOST_CHARACTERS = 600  # of the names that a message has
 PART = re.compile(r"(.+)\[([\d:, ]+)\]")  # of a matrix
@@ -78,7 +78,7 @@ class Variable:
     @property
     def unit(self) -> str:
         """Unit that the file states, and a scale without a convention; texts that differ are joined, to be refused."""
-        return find_stated_unit(self.attributes, UNITS)
+        return find_stated_unit(self.attributes, normalise)
 
 
 def number_trial(name: str, number: int) -> str:
@@ -156,6 +156,10 @@ class Contents:
         """Starts of names of what a variable may belong to, the nearest first: itself, structs or groups, the file."""
         ends = [match.end() for match in re.finditer(r"[/.\[]", name)]
         return [f"{name}/", *(name[:end] for end in reversed(ends)), ""]
+
+    def split_groups(self, name: str) -> list[str]:
+        """Names of the groups or structs of a variable, and its own; signs in brackets, and in N.m, are of units."""
+        return re.split(r"[/.](?![^(\[]*[)\]]|m\b)", name.rstrip("/."))
 
     def group_of(self, name: str) -> str:
         """Start of the name of a variable: its struct or group with the sign behind it; empty for the file."""

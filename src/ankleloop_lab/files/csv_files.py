@@ -16,13 +16,19 @@ import numpy as np
 import pandas as pd
 
 from ankleloop.errors import DataError
+from ankleloop.signals.sampling import rate_of_interval
+from ankleloop_lab.files.channels import channel_of
 from ankleloop_lab.files.contents import Contents, Variable
-from ankleloop_lab.files.units import is_unit
+from ankleloop_lab.files.units import parse_unit, seconds_of
 
 LAST_LINES = 100  # whose digits are compared
 FIRST_LINES = 1000  # in which the names and the first numbers are
-DELIMITERS = {";": "semicolons", "\t": "tabs", ",": "commas"}
-ANY_DELIMITER = "semicolons, tabs or commas"
+FIRST_BYTES = 10_000  # in which a text of LabChart has its titles
+IN_DEGREES = "inDegrees"  # in the lines above the names of a file of OpenSim
+DELIMITERS = {";": "semicolons", "\t": "tabs", ",": "commas", " ": "blanks"}
+ANY_DELIMITER = "semicolons, tabs, commas or blanks"
+TITLES = "ChannelTitle="  # before the names of a text of LabChart
+COMMENT = re.compile(rb"\t#\*[^\r\n]*")  # at the end of its lines
 NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?inf|nan|n/?a|null", re.IGNORECASE)
 
 
@@ -38,6 +44,8 @@ class CsvContents(Contents):
             content = path.read_bytes()
         is_compressed = path.name.lower().endswith(".gz")
         self._content = gzip.decompress(content) if is_compressed else content
+        if TITLES.encode() in self._content[:FIRST_BYTES]:
+            self._content = COMMENT.sub(b"", self._content)
         self._encoding = "utf-16" if b"\0" in self._content[:4] else "utf-8-sig"
         try:
             self._content.decode(self._encoding)
@@ -74,11 +82,6 @@ class CsvContents(Contents):
         columns = numbers[self._delimiter]
         above = list(takewhile(lambda line: not self._has_numbers(line[1], columns), lines))
         if not above or len(above) == len(lines):
-            if len(_find_numbers(model.split())) > len(columns):
-                raise DataError(
-                    f"{self.path.name}: there are blanks between the numbers: write {ANY_DELIMITER} between them, and "
-                    "between the names above."
-                )
             signs = DELIMITERS[self._delimiter] if columns else ANY_DELIMITER
             raise DataError(
                 f"{self.path.name}: there are no names above numbers with {signs} between them: write names into the "
@@ -87,15 +90,47 @@ class CsvContents(Contents):
         # Between commas they may be those of thousands.
         self._decimal = "," if "," in model and self._delimiter != "," else "."
         self._last_line = above[-1][0]  # above the numbers
+        if any(line.startswith(TITLES) for _, line in above):
+            return self._read_labchart(above, len(_split(model, self._delimiter)))
         self._names_line, line = above.pop()
-        names = _split(line, self._delimiter)
+        self._names = self._split_names(line)
         units: list[str] = []
-        if above and any(map(is_unit, names)):
-            units = names
+        if above and _are_units(self._names):
+            units = self._names
             self._names_line, line = above.pop()
-            names = _split(line, self._delimiter)
-        self._names = [names[0].lstrip("#% "), *names[1:]]
+            self._names = self._split_names(line)
+        if self._delimiter == " " and len(self._names) != len(_split(model, " ")):
+            raise DataError(
+                f"{self.path.name}: there are blanks between the numbers, and more or fewer names in line "
+                f"{self._names_line}: write semicolons, tabs or commas between both, or names without blanks."
+            )
+        settings = dict(line.strip().partition("=")[::2] for _, line in above)
+        if IN_DEGREES in settings:  # of coordinates of OpenSim: those that are called an angle
+            unit = "deg" if settings[IN_DEGREES] == "yes" else "rad"
+            positions = [channel_of(self, name) == "position" for name in self._names]
+            units = [unit if is_position else "" for is_position in positions]
         return units
+
+    def _split_names(self, line: str) -> list[str]:
+        """Names in a line, which may begin with the sign of a comment."""
+        return _split(line.strip("\r\n").lstrip("#% "), self._delimiter)
+
+    def _read_labchart(self, above: Sequence[tuple[int, str]], width: int) -> list[str]:
+        """Names, units and interval of a text of LabChart, whose first column, the times, may be left out."""
+        rows = {}
+        for number, line in above:
+            title, *cells = _split(line, "\t")
+            rows[title] = cells
+            if title == TITLES:
+                self._names_line = number
+        names, units = rows[TITLES], rows.get("UnitName=", [])
+        interval = rows.get("Interval=", [""])[0].split()
+        if len(interval) == 2 and NUMBER.fullmatch(interval[0]):
+            step = float(interval[0].replace(",", ".")) * (seconds_of(interval[1]) or 0.0)
+            self.file_attributes = {"sampling_rate": rate_of_interval(step)} if step > 0.0 else {}
+        has_times = width > len(names)
+        self._names = ["time", *names] if has_times else names
+        return ["s", *units] if has_times else units
 
     def _has_numbers(self, line: str, columns: Set[int]) -> bool:
         """Whether a line has two or more numbers, and no text in some columns."""
@@ -132,7 +167,7 @@ class CsvContents(Contents):
             names=names,
             index_col=False,
             skipinitialspace=True,
-            sep=self._delimiter,
+            sep=r"\s+" if self._delimiter == " " else self._delimiter,
             decimal=self._decimal,
         )
         beyond = table.iloc[:, len(self._names) :].notna().any(axis=1)
@@ -148,6 +183,10 @@ class CsvContents(Contents):
         """Columns are in no groups, whatever their names have."""
         return [f"{name}/", ""]
 
+    def split_groups(self, name: str) -> list[str]:
+        """Columns are in no groups, whatever their names have."""
+        return [name]
+
     def locate_sample(self, sample: int) -> str:
         """Describe where a sample is in the file: by its line, those above the numbers among them."""
         rows = (number for number, _ in self._lines() if number > self._last_line)
@@ -161,8 +200,16 @@ def _find_numbers(cells: Sequence[str]) -> set[int]:
 
 def _split(line: str, delimiter: str) -> list[str]:
     """Cells of a line."""
+    if delimiter == " ":
+        line = line.strip()
     cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     return [cell.strip() for cell in cells]
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a row has units: most of its cells that are not empty."""
+    filled = [cell for cell in cells if cell]
+    return 2 * sum(parse_unit(cell) is not None for cell in filled) > len(filled)
 
 
 def _count_decimals(text: str) -> int:

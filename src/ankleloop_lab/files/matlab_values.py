@@ -18,7 +18,7 @@ from matio.utils.matclass import MatlabOpaque
 from ankleloop.options import as_text
 from ankleloop.signals.sampling import rate_of_interval
 from ankleloop_lab.files.contents import Variable
-from ankleloop_lab.files.units import TIME_UNITS, split_unit
+from ankleloop_lab.files.units import seconds_of, split_time
 
 
 def load_parts(path: Path, name: str) -> list[Variable]:
@@ -108,11 +108,11 @@ def _list_channels(properties: Mapping[str, Any]) -> dict[str, Variable]:
 
 def _find_times(properties: Mapping[str, Any]) -> dict[str, Variable]:
     """The times of an object of the class nldat, or else its sampling rate."""
-    unit = split_unit(as_text(properties.get("domainName", "")), TIME_UNITS)[1] or "s"
+    unit = split_time(as_text(properties.get("domainName", "")))[1] or "s"
     times = np.ravel(properties.get("domainValues", 0.0))
     if times.size > 1:
         return {"time": _as_variable(times, unit)}
-    interval = float(np.ravel(properties["domainIncr"])[0]) * TIME_UNITS.get(unit, math.nan)
+    interval = float(np.ravel(properties["domainIncr"])[0]) * (seconds_of(unit) or math.nan)
     if not interval > 0.0:
         return {}
     return {"sampling_rate": _as_variable(np.array([rate_of_interval(interval)]))}

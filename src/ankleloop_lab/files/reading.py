@@ -14,9 +14,9 @@ from ankleloop.trials.files import PathLike
 from ankleloop.trials.trial import check_sizes, new_trial
 from ankleloop_lab.files.channels import RATE, RATE_NAMES, TIME
 from ankleloop_lab.files.contents import Variable
-from ankleloop_lab.files.reading_options import Reading, ReadingOptions
+from ankleloop_lab.files.reading_options import ReadingOptions
 from ankleloop_lab.files.reading_process import read_channels
-from ankleloop_lab.files.units import find_factor, find_position_unit, time_factor
+from ankleloop_lab.files.units import OPTIONS, ChannelUnit, time_factor
 
 LOWEST_JOINT_RATE = 10.0  # Hz: times without a unit that are slower may be in ms
 
@@ -25,12 +25,12 @@ LOWEST_JOINT_RATE = 10.0  # Hz: times without a unit that are slower may be in m
 def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     r"""Read a trial from a file.
 
-    The file format follows from the suffix: `.csv`, `.csv.gz`, `.txt`, `.tsv`, `.mat` (v4 to v7.3), `.h5`, `.hdf5`,
-    `.nc`, `.flb`, and with the extra `formats` `.c3d` (its analog channels) and `.tdms`. Nested variables are named
-    `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files, where columns of tables, properties of objects
-    and channels of the class `nldat` are such fields. The true torques of a simulated trial are read too where the file
-    has them beside the torque. Scale, offset and missing samples are applied as the attributes of the file state them.
-    Another process opens the file, with limits of time and memory.
+    The file format follows from the suffix: `.csv`, `.csv.gz`, `.txt`, `.tsv`, `.sto`, `.mot`, `.mat` (v4 to v7.3),
+    `.h5`, `.hdf5`, `.nc`, `.flb`, and with the extra `formats` `.c3d` (its analog channels) and `.tdms`. Nested
+    variables are named `group/position` in HDF5 and NetCDF, `struct.field` in MATLAB files, where columns of tables,
+    properties of objects and channels of the class `nldat` are such fields. The true torques of a simulated trial are
+    read too where the file has them beside the torque. Scale, offset and missing samples are applied as the attributes
+    of the file state them. Another process opens the file, with limits of time and memory.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         one that has a name of a position is taken, as `position`, `position_rad` or `ankle_angle`; in the same way the
         torque (`torque`, `moment`). Several that may be it are refused.
     reference : str, optional
-        The variable of the command to the servo; it has the unit and the sign of the position. By default it is found
-        by its name (`reference`, `command`), where one has such a name; "none" takes no variable for it.
+        The variable of the command to the servo; it has the sign of the position. By default it is found by its name
+        (`reference`, `command`), where one has such a name; "none" takes no variable for it.
     time : str, optional
         The variable of the times, which must be regular. By default, "auto", it is found beside the position or above
         it by a name or a unit of times, as `time`, `Time (s)`, `t_ms` or `timestamps`; a clock as text is read, too.
@@ -52,13 +52,11 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         Sampling rate [Hz]. By default it comes from the file: a number called `sampling_rate`, `sample_rate`, `fs` or
         `Fs`, as a variable or an attribute, beside the position or above it; else from the times. Rates that are given,
         in the file, and of the times have to agree within 0.1 %.
-    position_unit : {"rad", "deg", "mrad", "turn"} or float, optional
-        The unit of position and reference in the file, or how many rad 1 is there. By default rad or deg as the file
-        states it for the position, by an attribute or at the end of its name (`angle_deg`), and rad where it states
-        none.
-    torque_unit : {"N·m", "mN·m", "N·cm", "lbf·ft", "lbf·in", "kgf·m"} or float, optional
-        The unit of the torque in the file, also in other spellings, as "ft.lb"; or how many N·m 1 is there, for a
-        torque in volts or for each kg. By default N·m; a file that states another unit is refused.
+    position_unit, torque_unit, reference_unit : str or float, optional
+        Units in the file, in any spelling, as "deg", "ft.lb" or "kgf cm"; or how many rad, or N·m, 1 is there, for
+        volts, counts, or a torque for each kg. By default as the file states them, by an attribute or at the end of a
+        name (`angle_deg`), else rad and N·m; a reference of which nobody says one has the unit of the position. What
+        the file states is converted; an option that contradicts it is refused, and so is a number in its place.
     position_sign, torque_sign : {1, -1}
         Factors that bring the file to the convention here: the torque opposes stretch, so stiffness is positive.
     case : int, optional
@@ -77,9 +75,9 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     ------
     DataError
         If the file cannot be read, or not within the limits; if it lacks a variable or a sampling rate, has an
-        irregular time column or one that contradicts the sampling rate, states another unit than `position_unit` or
-        `torque_unit`, or a gain or an offset without a convention, or holds no valid trial; or if an option has a wrong
-        value.
+        irregular time column or one that contradicts the sampling rate, states a unit that is none of an angle or a
+        torque, or not that of an option, or a gain or an offset without a convention, or holds no valid trial; or if an
+        option has a wrong value.
 
     See Also
     --------
@@ -110,8 +108,8 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         rate=options.sampling_rate,
         time=options.time,
     )
-    options = settle_position_unit(variables, options)
-    factors = find_factors(variables, options, source=path.name)
+    units = options.find_units(variables, source=path.name)
+    factors = find_factors(variables, units, options, source=path.name)
     signals = {role: item for role, item in variables.items() if role not in (TIME, RATE)}
     trial = new_trial(
         **{role: factors.get(role, 1.0) * variable.read() for role, variable in signals.items()},
@@ -120,8 +118,7 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         **{f"{role}_variable": signals[role].name for role in options.names if role in signals},
         **options.model_dump(include={"position_sign", "torque_sign", "case"}),
         position_unit="rad",
-        position_unit_of_file=options.position_unit or "rad",
-        torque_unit_of_file=options.torque_unit,
+        **{f"{role}_unit_of_file": units[role].name for role in OPTIONS if role in units},
         gaps=None if TIME in variables else "unknown",
     )
     for name in options.further:
@@ -129,30 +126,21 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     return trial
 
 
-def settle_position_unit(variables: Mapping[str, Variable], options: Reading) -> Reading:
-    """Options with the unit of the position that the file states, where they have none."""
-    position = variables["position"]
-    unit = options.position_unit or find_position_unit(position.name, position.unit)
-    return options.model_copy(update={"position_unit": unit})
-
-
 def find_factors(
-    variables: Mapping[str, Variable], options: Reading, *, source: str
+    variables: Mapping[str, Variable],
+    units: Mapping[str, ChannelUnit],
+    options: ReadingOptions,
+    *,
+    source: str,
 ) -> dict[str, float]:
-    """Factors by which channels are in rad and N·m and have the signs of the library, and times in s; else refused."""
+    """Factors by which channels are in rad and N·m and have the signs of the library, and times in s."""
     factors = {}
-    for role, variable in variables.items():
-        if role in (RATE, *options.further):
-            continue
-        if role == TIME:
-            factors[TIME] = time_factor(variable.name, variable.unit, source=source) or 1.0
-            continue
-        unit = options.position_unit
-        sign = options.position_sign
-        if role.startswith("torque"):
-            unit = options.torque_unit
-            sign = options.torque_sign
-        factors[role] = sign * find_factor(role, variable.name, variable.unit, unit, source=source)
+    for role, unit in units.items():
+        sign = options.torque_sign if role.startswith("torque") else options.position_sign
+        factors[role] = sign * unit.factor
+    if TIME in variables:
+        time = variables[TIME]
+        factors[TIME] = time_factor(time.name, time.unit, source=source) or 1.0
     return factors
 
 

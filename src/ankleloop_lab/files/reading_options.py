@@ -7,16 +7,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from ankleloop.errors import DataError
 from ankleloop.options import Options, option, show_value
 from ankleloop.trials.channels import CHANNELS
-from ankleloop.trials.units import POSITION_UNITS, normalise_unit
-from ankleloop_lab.files.channels import FOUND, NONE
-from ankleloop_lab.files.contents import number_trial
+from ankleloop_lab.files.channels import FOUND, NONE, RATE, TIME
+from ankleloop_lab.files.contents import Variable, number_trial
 from ankleloop_lab.files.reading_process import read_channels
-from ankleloop_lab.files.units import TORQUE_UNITS, UNITS
+from ankleloop_lab.files.units import OPTIONS, ChannelUnit, find_unit, parse_option
 
 # Names of further variables: not those that a trial has anyway, or that its reading records.
 FURTHER_NAME = r"(?!torque|(position(_unit|_sign)?|reference|time|sampling_rate|source)$)[A-Za-z]\w*(?<!_variable)"
@@ -53,13 +52,17 @@ class ReadingOptions(Options):
     sampling_rate: float | None = option(
         None, "sampling rate; null: that of the file", unit="Hz", ge=0.001, le=1e9
     )
-    position_unit: Literal[tuple(POSITION_UNITS)] | Factor | None = option(  # type: ignore[valid-type]
+    position_unit: str | Factor | None = option(
         None,
-        "unit of position and reference in the file, or the rad of 1 there; null: as the file states it, else rad",
+        "unit of the position in the file, or the rad of 1 there; null: as the file states it, else rad",
     )
-    torque_unit: Literal[tuple(TORQUE_UNITS)] | Factor | None = option(  # type: ignore[valid-type]
+    torque_unit: str | Factor | None = option(
         None,
-        "unit of the torque in the file, also spelled as ft.lb or Nm, or the N·m of 1 there; null: N·m",
+        "unit of the torque in the file, as ft.lb or Nm, or the N·m of 1 there; null: as the file states it, else N·m",
+    )
+    reference_unit: str | Factor | None = option(
+        None,
+        "unit of the reference in the file, or the rad of 1 there; null: as the file states it, else as the position",
     )
     position_sign: Literal[1, -1] = option(1, "-1 turns position and reference round")
     torque_sign: Literal[1, -1] = option(
@@ -74,11 +77,11 @@ class ReadingOptions(Options):
         "file, as {ankle_angle: angle}; in tables ankle_angle=angle, with commas between several",
     )
 
-    @field_validator("position_unit", "torque_unit", mode="before")
+    @field_validator("position_unit", "torque_unit", "reference_unit", mode="before")
     @classmethod
-    def _as_unit(cls, value: Any) -> Any:
+    def _as_unit(cls, value: Any, info: ValidationInfo) -> Any:
         """Units have several spellings."""
-        return normalise_unit(value, UNITS) if isinstance(value, str) else value
+        return parse_option(str(info.field_name), value)
 
     @field_validator("variables", mode="before")
     @classmethod
@@ -130,6 +133,25 @@ class ReadingOptions(Options):
     def further(self) -> dict[str, str]:
         """Names of further variables in the file by their names in the trial."""
         return dict(self.variables) if isinstance(self.variables, dict) else {}
+
+    def find_units(
+        self, variables: Mapping[str, Variable], *, source: str
+    ) -> dict[str, ChannelUnit]:
+        """Units of the channels in the file; a reference of which nobody says one has that of the position."""
+        units: dict[str, ChannelUnit] = {}
+        for role, variable in variables.items():
+            if role in (TIME, RATE, *self.further):
+                continue
+            option = OPTIONS.get(role, OPTIONS["torque"])[0]  # true torques have that of the torque
+            units[role] = find_unit(
+                role,
+                variable.name,
+                variable.unit,
+                getattr(self, option),
+                default=units.get("position") if role == "reference" else None,
+                source=source,
+            )
+        return units
 
     def of_trial(self, number: int) -> Self:
         """Options of one trial, where names have a * for all of a file."""

@@ -77,6 +77,8 @@ CONTAINERS: dict[str, Callable[[], Container]] = {
     ".csv.gz": _load_csv,
     ".txt": _load_csv,
     ".tsv": _load_csv,
+    ".sto": _load_csv,
+    ".mot": _load_csv,
     ".mat": _load_matlab,
     ".h5": _load_hdf5,
     ".hdf5": _load_hdf5,

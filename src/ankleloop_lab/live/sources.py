@@ -21,7 +21,7 @@ from ankleloop.errors import DataError
 from ankleloop_lab.files.channels import TIME, read_channels
 from ankleloop_lab.files.contents import Contents, Variable
 from ankleloop_lab.files.csv_files import CsvContents
-from ankleloop_lab.files.reading import choose_rate, find_factors, settle_position_unit
+from ankleloop_lab.files.reading import choose_rate, find_factors
 from ankleloop_lab.files.reading_options import ReadingOptions
 
 STANDARD_INPUT = Path("-")
@@ -56,14 +56,15 @@ class Source(Contents, Iterable[Samples]):
                 "estimate in closed loop is right.",
                 remedy={"reference": None},
             )
-        options = settle_position_unit(variables, options)
+        units = options.find_units(variables, source=source)
         self.rate = choose_rate(variables, source=source)
-        self._factors = find_factors(variables, options, source=source)
+        self._factors = find_factors(variables, units, options, source=source)
         columns = list(self._by_name)
         self._places = {role: columns.index(variables[role].name) for role in self._factors}
         names = [f"{role} {variable.name}" for role, variable in variables.items()]
-        unit = options.position_unit or "rad"
-        self.summary = f"{source}, {self.rate:g} Hz, position in {unit}: {', '.join(names)}"
+        self.summary = (
+            f"{source}, {self.rate:g} Hz, position in {units['position'].name}: {', '.join(names)}"
+        )
 
     def take(self, rows: np.ndarray) -> Samples:
         """Channels of rows, shape (N, columns)."""
@@ -153,7 +154,7 @@ class TableSource(Source, CsvContents):
         """Samples, each alone; a cell that is no number is nan, and a line without all cells is left out."""
         columns = len(self.variables)
         for line in self._new_lines:
-            cells = line.replace(self._decimal, ".").split(self._delimiter)
+            cells = line.replace(self._decimal, ".").split(self._delimiter.strip(" ") or None)
             rows = np.empty((0, columns))
             if len(cells) >= columns:
                 rows = pd.to_numeric(cells[:columns], errors="coerce")[np.newaxis]

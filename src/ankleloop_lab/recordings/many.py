@@ -37,6 +37,7 @@ READ = {
     "position_unit",
     "position_unit_of_file",
     "torque_unit_of_file",
+    "reference_unit_of_file",
     "gaps",
 }
 SIMULATED = {

@@ -64,7 +64,8 @@ def test_stated_units(tmp_path, capsys):
             file[name].attrs["units"] = unit
     recording = map_file(tmp_path / "a.h5")
     assert (recording.position, recording.position_unit) == ("run/angle", "deg")
-    assert "run/angle, in deg (stated by the file)" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "run/angle, in deg (stated by the file; 1 deg = 0.0174533 rad)" in shown
     named = map_file(tmp_path / "a.h5", position="/run/angle", position_unit="rad")
     assert named.position_unit == "rad"  # which reading then refuses
 
@@ -75,7 +76,7 @@ def test_stated_units(tmp_path, capsys):
         (["--torque-sign", "2"], "'--torque-sign'"),
         (
             ["--position-unit", "grad"],
-            "position_unit must be one of 'rad', 'deg', 'mrad' or 'turn'; got 'grad'.",
+            "position_unit must be a unit such as rad, or a number, how many rad 1 is in the file; got 'grad'.",
         ),
         (["--start", "5", "--stop", "3"], "stop (3 s) must be after start (5 s)"),
         (["--sampling-rate", "0"], "sampling_rate must be between 0.001 and 1e9 Hz, got 0.0."),

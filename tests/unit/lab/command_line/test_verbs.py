@@ -57,7 +57,10 @@ def test_check(run, recording):
     assert result.status == 0
     lines = result.out.splitlines()
     assert lines[0] == "S1 (pre).csv"
-    assert "  position  angle_deg, in deg (stated by the file), sign +1" in lines
+    assert (
+        "  position  angle_deg, in deg (stated by the file; 1 deg = 0.0174533 rad), sign +1"
+        in lines
+    )
     assert re.search(r"^      ok  loop: closed", result.out, re.MULTILINE)
     assert f'next: ankleloop identify "{recording}"' in result.err
 

@@ -39,10 +39,10 @@ def test_commas_at_the_ends_of_lines(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b" \n", "no names above numbers with semicolons, tabs or commas between them"),
+        (b" \n", "no names above numbers with semicolons, tabs, commas or blanks between them"),
         (
-            b"position torque\n1 2\n1 2\n",
-            "blanks between the numbers: write semicolons, tabs or commas",
+            b"my position torque\n1 2\n1 2\n",
+            "blanks between the numbers, and more or fewer names in line 1: write semicolons",
         ),
         (b"1\t2\n1\t2\n", "no names above numbers with tabs between them"),
         (b"position,torque\n1,2\n1,\xe4\n", "torque is not a number in line 3 but"),

@@ -7,7 +7,6 @@ import pytest
 import scipy.io
 
 from ankleloop import check_trial, read_trial
-from ankleloop_lab.files.units import TORQUE_UNITS
 
 RATE = 500.0
 T = np.arange(300) / RATE
@@ -18,7 +17,7 @@ UNITS = ",rad,N.m\n"
 
 
 def table(columns=COLUMNS, **options):
-    return pd.DataFrame(columns).to_csv(index=False, float_format="%.9f", **options)
+    return pd.DataFrame(columns).to_csv(index=False, float_format="%.12g", **options)
 
 
 def write(folder, text, name="a.csv", encoding="utf-8"):
@@ -35,6 +34,12 @@ def assert_signals(trial, rate=RATE, **tolerances):
 # --- tables of text
 
 NUMBERS = table(header=False)
+WITHOUT_TIME = {name: COLUMNS[name] for name in ("angle_rad", "torque_nm")}
+LABCHART = (
+    "Interval=\t0.002 s\nExcelDateTime=\t4.2e+04\nChannelTitle=\tAngle\tTorque\nRange=\t10.000 V\t10.000 V\n"
+    "UnitName=\trad\tNm\n"
+)
+OPENSIM = "run\nversion=1\nnRows=300\ninDegrees=yes\nendheader\ntime\tankle_angle_r\tankle_angle_r_moment\n"
 LAYOUTS = {
     "semicolons.csv": table(sep=";"),
     "semicolons and commas.csv": table(sep=";", decimal=","),
@@ -48,6 +53,13 @@ LAYOUTS = {
     "spreadsheet.csv": "Subject,7,\nRate,500,\nDate,,\n" + table(),
     "two rows of names.csv": "Clock,Dyno,Dyno\n" + table(),
     "a row of units.csv": "time,angle,torque\ns,rad,Nm\n" + NUMBERS,
+    "blanks only.txt": table().replace(",", "  "),
+    "numpy savetxt.txt": "# time_s angle_rad torque_nm\n" + table(header=False, sep=" "),
+    "a column v.csv": "rig 3\n" + table({**COLUMNS, "v": np.zeros(300)}),
+    "two rows of names and units.csv": "a,b,c\ntime,angle,torque\ns,rad,Nm\n" + NUMBERS,
+    "labchart.txt": LABCHART + table(header=False, sep="\t").replace("\n", "\t#* start\n", 1),
+    "labchart without times.txt": LABCHART + table(WITHOUT_TIME, header=False, sep="\t"),
+    "opensim.sto": OPENSIM + table({**COLUMNS, "angle_rad": np.degrees(P)}, header=False, sep="\t"),
     "device.csv": "Devices\n500\n,Dyno - Angle,Dyno - Torque\nTime,Angle,Torque\n"
     + UNITS
     + NUMBERS,
@@ -91,42 +103,75 @@ def test_names_of_a_torque_in_newton_metres(tmp_path, name):
     assert_signals(read_trial(write(tmp_path, table(columns))))
 
 
-@pytest.mark.parametrize(
-    ("spelling", "unit"),
-    [
-        ("ft·lb", "lbf·ft"),
-        ("lbf-ft", "lbf·ft"),
-        ("in.lb", "lbf·in"),
-        ("mNm", "mN·m"),
-        ("N cm", "N·cm"),
-        ("N.mm", "mN·m"),
-        ("kgf*m", "kgf·m"),
-        ("Nm", "N·m"),
-        (20, 20.0),
-    ],
-)
-def test_torques_in_other_units(tmp_path, spelling, unit):
-    factor = TORQUE_UNITS.get(unit, unit)
+TORQUE_UNITS = [  # spellings, the names that are recorded, and N·m
+    ("ft·lb", "ft·lbf", 0.3048 * 4.4482216152605),
+    ("lbf-ft", "lbf·ft", 0.3048 * 4.4482216152605),
+    ("in.lb", "in·lbf", 0.0254 * 4.4482216152605),
+    ("ozfin", "ozf·in", 0.0254 * 4.4482216152605 / 16),
+    ("mNm", "mN·m", 1e-3),
+    ("NCM", "N·cm", 1e-2),
+    ("N.mm", "N·mm", 1e-3),
+    ("kgf*m", "kgf·m", 9.80665),
+    ("kgfcm", "kgf·cm", 9.80665e-2),
+    ("kg-cm", "kgcm", 9.80665e-2),
+    ("newton metres", "N·m", 1.0),
+]
+
+
+@pytest.mark.parametrize(("spelling", "unit", "factor"), [*TORQUE_UNITS, (20, "20 N·m", 20.0)])
+def test_torques_in_other_units(tmp_path, spelling, unit, factor):
     path = write(tmp_path, table({"time_s": T, "position": P, "torque": TQ / factor}))
     trial = read_trial(path, torque_unit=spelling, torque_sign=-1)
     np.testing.assert_allclose(trial.torque, -TQ, atol=1e-7)
     assert trial.attrs["torque_unit_of_file"] == unit
 
 
+@pytest.mark.parametrize(("spelling", "unit", "factor"), TORQUE_UNITS)
+@pytest.mark.parametrize("name", ["torque_{}", "Torque ({})"])
+def test_a_unit_that_the_file_states_is_converted(tmp_path, spelling, unit, factor, name):
+    columns = {"time_s": T, "position": P, name.format(spelling): TQ / factor}
+    trial = read_trial(write(tmp_path, table(columns)))
+    np.testing.assert_allclose(trial.torque, TQ, atol=1e-7)
+    assert trial.attrs["torque_unit_of_file"] == unit
+
+
 @pytest.mark.parametrize(
     ("name", "unit", "size"),
     [
-        ("position_turns", "turns", 2 * np.pi),
+        ("position_turns", None, 2 * np.pi),
         ("angle [mrad]", "mrad", 1e-3),
+        ("angle_deg.1", None, np.pi / 180),
+        ("Angle..deg.", None, np.pi / 180),
         ("pos_counts", 0.001, 0.001),
         ("angle (knee)", "rad", 1.0),
+        ("angle_A", None, 1.0),  # a leg
+        ("pos_in", None, 1.0),  # no inches
     ],
 )
 def test_positions_in_other_units(tmp_path, name, unit, size):
     columns = {"time_s": T, name: P / size, "torque": TQ, "command": 2 * P / size}
-    trial = read_trial(write(tmp_path, table(columns)), position_unit=unit)
+    path = write(tmp_path, table(columns))
+    trial = read_trial(path, position=name, position_unit=unit)
     np.testing.assert_allclose(trial.position, P, atol=1e-8)
     np.testing.assert_allclose(trial.reference, 2 * P, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "size"),
+    [
+        ("command_rad", None, 1.0),
+        ("command_V", 0.1, 0.1),
+        ("command", "mrad", 1e-3),
+        ("command_nm", None, 1.0),
+        ("command (ft.lb)", "ft.lb", 0.3048 * 4.4482216152605),
+    ],
+)
+def test_a_reference_has_a_unit_of_its_own(tmp_path, name, unit, size):
+    columns = {"time_s": T, "angle_deg": np.degrees(P), "torque": TQ, name: 2 * P / size}
+    trial = read_trial(write(tmp_path, table(columns)), reference_unit=unit)
+    assert_signals(trial)
+    np.testing.assert_allclose(trial.reference, 2 * P, rtol=1e-6, atol=1e-7)
+    assert trial.attrs["position_unit_of_file"] == "deg"
 
 
 # --- scales
@@ -190,6 +235,8 @@ def clock(start, form):
         ("timestamps", T + 1e6),
         ("Zeit", T),
         ("Elapsed_ms", 1e3 * T),
+        ("lsl_timestamp", T + 1e6),
+        ("time [min]", T / 60),
         ("X [s]", T),
         ("seconds", T),
         ("time", clock("2026-01-01 10:00", "%H:%M:%S.%f")),
@@ -203,6 +250,20 @@ def test_times(tmp_path, name, times):
     path = write(tmp_path, table({name: times, "angle": P, "torque": TQ}))
     options = {"time": name} if name == "date and time" else {}
     assert_signals(read_trial(path, **options))
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"Sample Number (500 samples per second)": np.arange(300), "Time (ms)": 1e3 * T},
+        {"frame (1 per second)": np.arange(300), "time": T},
+        {"time": np.arange(300), "elapsed (s)": T},
+        {"Time": np.full(300, 7.0), "t": T},
+        {"onset (ms)": np.tile([3.0, 1.0], 150), "Time (ms)": 1e3 * T},
+    ],
+)
+def test_of_several_times_those_that_rise_and_have_a_unit_count(tmp_path, columns):
+    assert_signals(read_trial(write(tmp_path, table({**columns, "angle": P, "torque": TQ}))))
 
 
 def test_a_clock_with_decimal_commas(tmp_path):

@@ -103,10 +103,12 @@ def test_containers(tmp_path, name, write):
         ("position", "torque", "reference"),
         ("ankle_angle_rad", "AnkleMoment", "cmd"),
         ("theta", "tq", "angle_command"),
+        ("ankle_angle_r", "ankle_angle_r_moment", "target"),
     ],
 )
 def test_channels_by_their_names(tmp_path, position, torque, reference):
-    columns = {"time": T, position: P, torque: TQ, reference: R, "angle_velocity": P, "emg": TQ}
+    columns = {"time": T, position: P, torque: TQ, reference: R, "emg": TQ}
+    columns |= {"angle_velocity": P, "theta_dot": P, "pos_vel": P, "angle_acc": P}
     pd.DataFrame(columns).to_csv(tmp_path / "trial.csv", index=False)
     scipy.io.savemat(tmp_path / "trial.mat", {"rec": columns})
     write_v73(tmp_path / "v73.mat", {"rec": columns})
@@ -221,7 +223,7 @@ def test_true_torques_of_a_netcdf_trial(tmp_path):
 @pytest.mark.parametrize(
     ("attributes", "shown"),
     [
-        ({"UNITS": "degs"}, "degs"),
+        ({"UNITS": "grad"}, "grad"),
         ({"units": 57}, "57"),
         ({"unit": "deg", "units": "rad"}, "deg and rad"),
     ],
@@ -269,6 +271,7 @@ def test_attributes_record_the_options(tmp_path):
         "torque_variable": "torque",
         "position_unit": "rad",
         "position_unit_of_file": "deg",
+        "torque_unit_of_file": "N·m",
         "position_sign": -1,
         "torque_sign": -1,
     }
