@@ -21,8 +21,11 @@ from bad_inputs.inputs import (
     text_file,
 )
 
-LEAVE_OUT = "leave them out by time=None and pass sampling_rate"
+CUT = "cut the trial there"
 CLOCK = [f"10:00:{second:09.6f}" for second in TIME]
+RNG = np.random.default_rng(1)
+STAMPS = TIME + 0.2 / RATE * RNG.standard_normal(len(TIME))
+UNEVEN = np.cumsum(RNG.uniform(0.5, 1.5, len(TIME))) / RATE
 LATE = TIME + 0.5 * (TIME > 0.3)
 
 
@@ -217,9 +220,58 @@ ROWS = [
         remedy={"torque_unit": "ft·lbf"},
     ),
     # times
-    row("Time (s): a gap", timed("Time (s)", LATE), "irregular at sample 151", LEAVE_OUT),
-    row("TIME: a gap", timed("TIME", LATE), "TIME is irregular at sample 151", LEAVE_OUT),
-    row("Zeit [ms]: a gap", timed("Zeit [ms]", 1e3 * LATE), "(0.802 s)", LEAVE_OUT),
+    row("Time (s): a gap", timed("Time (s)", LATE), "irregular at sample 151", CUT),
+    row("TIME: a gap", timed("TIME", LATE), "TIME is irregular at sample 151", CUT),
+    row("Zeit [ms]: a gap", timed("Zeit [ms]", 1e3 * LATE), "(0.802 s)", CUT),
+    row(
+        "times that go back",
+        timed("time", TIME - 0.5 * (TIME > 0.4)),
+        "time is irregular at sample 201",
+        "another sequence begins there: cut the file into two",
+    ),
+    row(
+        "times that jitter, and a gap",
+        timed("time", STAMPS + 0.05 * (TIME > 0.3)),
+        "time is irregular at sample 151",
+        CUT,
+    ),
+    row(
+        "times that jitter by more than half a sample",
+        timed("time", TIME + 4.0 * (STAMPS - TIME)),
+        "time jitters around an even clock of",
+        "pass jitter=True if the samples were taken evenly",
+    ),
+    row(
+        "times that jitter, and another rate",
+        timed("time", STAMPS),
+        "the sampling rate is stated as 1000 Hz, but time runs at",
+        call=at_1_khz,
+        remedy={"sampling_rate": None},
+    ),
+    row(
+        "a gap, and resample",
+        timed("time", LATE),
+        "time is irregular at sample 151",
+        call=partial(read_trial, resample=1000.0),
+    ),
+    row(
+        "uneven times, and a rate below theirs",
+        timed("time", UNEVEN),
+        "resample must be between the mean rate of time",
+        call=partial(read_trial, resample=100.0),
+    ),
+    row(
+        "uneven times",
+        timed("time", UNEVEN),
+        "time jitters around an even clock",
+        "or resample in Hz if not",
+    ),
+    row(
+        "resample without times",
+        mat_file(),
+        "resample needs times",
+        call=partial(read_trial, resample=1000.0),
+    ),
     row("Time (rad)", timed("Time (rad)", TIME), "in 'rad'", "write it in seconds, ms or µs"),
     row(
         "a clock: a gap",
@@ -266,7 +318,7 @@ ROWS = [
     row(
         "times with a wrong sample",
         timed("Time_s", changed(TIME, 50, 0.0)),
-        "Time_s is irregular at sample 50",
-        LEAVE_OUT,
+        "Time_s jitters around an even clock of",
+        "the most at sample 50 (",
     ),
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,6 +13,14 @@ from ankleloop.options import describe_limits, show_value
 LOWEST_RATE, HIGHEST_RATE = 0.001, 1e9  # Hz
 RATE_TOLERANCE = 1e-3  # two statements of one sampling rate may differ by this fraction
 FEW_STEPS = 1000  # about as many show the usual one
+CLOCK_BLOCK, SHORTEST_BLOCK, FEWEST_BLOCKS = (
+    100,
+    10,
+    6,
+)  # samples and blocks that show a clock behind jitter
+SMALLEST_SHIFT = 0.5  # sample: a smaller one leaves all samples where they are
+# Of the difference of two medians, in median absolute deviations of a sample over √N: about six standard deviations.
+SHIFT_DEVIATIONS = 16.0
 
 
 def parse_rate(value: ArrayLike, *, source: str) -> float:
@@ -45,15 +55,77 @@ def compute_rate(times: np.ndarray, *, source: str, name: str = "time") -> float
     if missing.size and missing[0] <= irregular[0]:
         raise DataError(f"{source}: {name} is not finite at sample {missing[0]}: repair it.")
     if irregular.size:
-        sample = irregular[0]
-        raise DataError(
-            f"{source}: {name} is irregular at sample {sample} ({times[sample]:g} s): it steps by "
-            f"{steps[sample - 1]:g} s where {usual_step:g} s is usual: cut the trial there or resample it; if the "
-            "times are only rounded, write them with more digits."
-        )
+        raise irregular_error(times, int(irregular[0]), usual_step, source=source, name=name)
     step = (times[-1] - times[0]) / (size - 1)
     # Nine digits hide the rounding of times, so that 1 ms steps give 1000 Hz and not 1000.0000000000001.
     return float(f"{1.0 / step:.9g}")
+
+
+def irregular_error(
+    times: np.ndarray, sample: int, usual_step: float, *, source: str, name: str
+) -> DataError:
+    """The error that says where times are irregular, and what to do."""
+    step = times[sample] - times[sample - 1]
+    advice = "cut the trial there"
+    if step < 0:
+        advice = "another sequence begins there: cut the file into two"
+    return DataError(
+        f"{source}: {name} is irregular at sample {sample} ({times[sample]:g} s): it steps by {step:g} s where "
+        f"{usual_step:g} s is usual: {advice}."
+    )
+
+
+@dataclass(frozen=True)
+class Clock:
+    """An even clock behind times.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate [Hz].
+    jitter : float
+        Standard deviation of the times from the clock [samples].
+    shift : int or None
+        Sample at which the times shift and do not return: a gap, or another sequence; None without any.
+    largest : int or None
+        Sample whose time is furthest from the clock.
+    """
+
+    rate: float
+    jitter: float
+    shift: int | None = None
+    largest: int | None = None
+
+
+def fit_clock(times: np.ndarray) -> Clock | None:
+    """Fit an even clock to times that jitter, shape (N,); None where there are too few, or none are finite.
+
+    Deviations that return are jitter, a shift that lasts is a gap: medians of the times over blocks, by two blocks
+    apart, differ by half a sample and by more than jitter explains.
+    """
+    block = min(CLOCK_BLOCK, times.size // FEWEST_BLOCKS)
+    if block < SHORTEST_BLOCK or not np.isfinite(times).all():
+        return None
+    lag = min(10 * block, times.size // 4)  # long beside pieces of samples that have one stamp
+    step = float(np.median(times[lag:] - times[:-lag])) / lag
+    if step <= 0.0:
+        return None
+    late = times / step - np.arange(times.size)  # samples
+    blocks = late[: times.size // block * block].reshape(-1, block)
+    spread = float(np.median(np.abs(blocks - np.median(blocks, axis=1, keepdims=True))))
+    limit = max(SMALLEST_SHIFT, SHIFT_DEVIATIONS * spread / np.sqrt(block))
+    medians = np.median(np.vstack([blocks, late[-block:]]), axis=1)
+    shifts = np.abs(medians[2:] - medians[:-2])
+    shift = None
+    if np.any(shifts > limit):
+        first = int(np.argmax(shifts > limit)) * block
+        steps = np.abs(np.diff(late[first : first + 3 * block + 1]))
+        shift = first + int(np.argmax(steps)) + 1
+    index = np.arange(times.size)
+    slope, start = np.polyfit(index, times, 1)
+    deviations = (times - start - slope * index) / slope
+    largest = int(np.argmax(np.abs(deviations)))
+    return Clock(rate_of_interval(float(slope)), float(np.std(deviations)), shift, largest)
 
 
 def rate_of_interval(interval: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -91,7 +91,7 @@ def _show_checks(file: Path, values: dict[str, Any], report: dict[str, Any]) -> 
         for finding in result.findings:
             verdict = click.style(f"{finding.verdict:>8}", fg=COLOURS[finding.verdict])
             echo(f"{verdict}  {finding.name}: {finding.text}")
-        show_correction(result.remedy, report["command"])
+        show_correction(find_advice(file, recording, result.remedy), report["command"])
         verdicts.add(result.verdict)
     if verdicts == {"refused"}:
         return 1
@@ -131,3 +131,65 @@ def check_file(path: Path, recording: Recording) -> tuple[xr.Dataset | None, Che
         return trial, replace(result, findings=findings)
     except NUMERICAL_ERRORS as error:
         return None, refuse_recording(error).check
+
+
+def find_advice(
+    path: Path,
+    recording: Recording,
+    remedy: Mapping[str, Any],
+    methods: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Mapping[str, Any]:
+    """What of a remedy is advised: values with which the verdict improves, or all of it where only the user knows one.
+
+    They are tried on the file, with those that are then asked for in turn. With methods the estimates count, too.
+    """
+    if not remedy.keys() <= Recording.model_fields.keys() or None in remedy.values():
+        return remedy
+    before, _ = _rank(path, recording, methods)
+    values: dict[str, Any] = {}
+    while remedy:
+        values |= remedy
+        after, remedy = _rank(path, recording.model_copy(update=values), methods)
+        if after < before:
+            return _leave_out(path, recording, values, methods, after)
+        if None in remedy.values() or remedy.keys() & values.keys():
+            break
+    return {}
+
+
+def _leave_out(
+    path: Path,
+    recording: Recording,
+    values: Mapping[str, Any],
+    methods: Mapping[str, Mapping[str, Any]] | None,
+    rank: tuple[int, int, int],
+) -> Mapping[str, Any]:
+    """Those of several values without which a recording would be worse."""
+    for name in values if len(values) > 1 else ():
+        others = {other: value for other, value in values.items() if other != name}
+        if _rank(path, recording.model_copy(update=others), methods)[0] <= rank:
+            return _leave_out(path, recording, others, methods, rank)
+    return values
+
+
+def _rank(
+    path: Path, recording: Recording, methods: Mapping[str, Mapping[str, Any]] | None
+) -> tuple[tuple[int, int, int], Mapping[str, Any]]:
+    """How bad a recording is, by its reading and verdict, then by its estimates and findings; and its remedy."""
+    from ankleloop.checks.findings import VERDICTS
+    from ankleloop_lab.recordings.analysis import analyse
+    from ankleloop_lab.recordings.files import add_course
+
+    trial, check = check_file(path, recording)
+    if trial is None:
+        return (len(VERDICTS), 0, 0), check.remedy
+    if check.verdict == "refused":  # by whatever was looked at first
+        return (VERDICTS.index("refused"), 0, 0), check.remedy
+    remedy = check.remedy
+    doubtful = 0
+    findings = sum(finding.verdict != "ok" for finding in check.findings)
+    if methods:
+        analysis = analyse(trial, add_course(methods, recording.model_dump()))
+        remedy |= analysis.remedy
+        doubtful = int((~analysis.table["trusted"].astype(bool)).sum())
+    return (VERDICTS.index(check.verdict), doubtful, findings), remedy

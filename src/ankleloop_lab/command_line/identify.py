@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from ankleloop_lab.command_line.check import find_advice
 from ankleloop_lab.command_line.naming import map_recordings, names_option
 from ankleloop_lab.command_line.reading import FILE, FOLDER, reading_options
 from ankleloop_lab.command_line.terminal import echo, show_correction, show_next, show_progress
@@ -86,17 +87,21 @@ def identify(
         if not overwrite:
             analysis.refuse_results(folder, recordings)
         analysed = analysis.identify_recordings(analyses, claim, jobs or os.cpu_count() or 1)
-        for (name, (_, path)), table in zip(recordings.items(), analysed, strict=True):
+        for plan, table in zip(analyses, analysed, strict=True):
+            recording, path = recordings[plan.name]
             tables.append(table)
             if several:
-                echo(f"recording {len(tables)} of {len(analyses)}: {name} ({path})", err=True)
+                echo(f"recording {len(tables)} of {len(analyses)}: {plan.name} ({path})", err=True)
                 analysis.show_verdict(table)
             else:
                 analysis.show_results(table, folder)
             others = {str(file) for file in files if file != path}
             words = [word for word in context.obj if word not in others]
-            show_correction(table.attrs["remedy"], words)
-        page = analysis.write_summary(tables, folder) if several else folder / f"{name}.html"
+            advice = find_advice(path, recording, table.attrs["remedy"], plan.methods)
+            show_correction(advice, words)
+        page = folder / f"{analyses[0].name}.html"
+        if several:
+            page = analysis.write_summary(tables, folder)
     show_next(f"open {page}")
     if names is None:
         _suggest_names(files)

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ankleloop.options import check_number
-from ankleloop_lab.command_line.check import check_file
+from ankleloop_lab.command_line.check import check_file, find_advice
 from ankleloop_lab.command_line.reading import FILE, map_file, reading_options
 from ankleloop_lab.command_line.terminal import (
     echo,
@@ -72,16 +72,19 @@ def plan(file: Path, widths: dict[str, float], **values: Any) -> int:
     from ankleloop_lab.experiments.duration import plan_duration
 
     words = click.get_current_context().obj
-    trial, result = check_file(file, map_file(file, **values))
+    recording = map_file(file, **values)
+    trial, result = check_file(file, recording)
     if trial is None or result.verdict == "refused" or "riv" not in result.methods:
         reasons = " ".join(result.reasons)
         fault = "riv is not valid for this recording: record the command of the servo."
         show_error(reasons or fault)
-        show_correction(result.remedy, words)
+        show_correction(find_advice(file, recording, result.remedy), words)
         return 1
     pilot = identify(trial, "riv", **result.methods["riv"])
     echo(f"\n{pilot!r}\n\n{plan_duration(pilot, widths)}")
-    show_correction(pilot.diagnostics.get("remedy", {}), words)
+    methods = {"riv": {"method": "riv", "options": result.methods["riv"]}}
+    remedy = pilot.diagnostics.get("remedy", {})
+    show_correction(find_advice(file, recording, remedy, methods), words)
     # The recording is read as its pilot was.
     for name in PILOT_ONLY:
         del values[name]

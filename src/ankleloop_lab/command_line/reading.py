@@ -65,8 +65,10 @@ def add_options(command: Command, names: Sequence[str]) -> Command:
         elif kinds <= {int, float}:
             parse = click.FLOAT if float in kinds else click.INT
         metavar = METAVARS.get(name) or (unit.upper() if unit != "1" else None)
-        option = click.option(name_option(name), name, type=parse, metavar=metavar, help=text)
-        command = option(command)
+        style: dict[str, Any] = {"type": parse, "metavar": metavar}
+        if kinds == {bool}:
+            style = {"is_flag": True, "default": None}
+        command = click.option(name_option(name), name, help=text, **style)(command)
     return command
 
 

@@ -21,6 +21,7 @@ PLACEHOLDERS = {
     "torque": "NAME",
     "reference": "NAME",
     "sampling_rate": "HZ",
+    "resample": "HZ",
     "case": "NUMBER",
     "position_unit": "NUMBER",
     "torque_unit": "NUMBER",
@@ -67,9 +68,10 @@ def show_next(step: str) -> None:
 
 
 def show_correction(remedy: Mapping[str, Any], words: Sequence[str]) -> None:
-    """Show the command of some words with the options of a remedy, if there is one."""
-    if remedy:
-        show_next(join_words(["ankleloop", *correct(words, remedy)]))
+    """Show the command of some words with the options of a remedy, if there is one and it is another command."""
+    corrected = correct(words, remedy)
+    if sorted(corrected) != sorted(words):
+        show_next(join_words(["ankleloop", *corrected]))
 
 
 def join_words(words: Sequence[str]) -> str:

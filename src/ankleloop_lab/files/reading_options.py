@@ -52,6 +52,16 @@ class ReadingOptions(Options):
     sampling_rate: float | None = option(
         None, "sampling rate; null: that of the file", unit="Hz", ge=0.001, le=1e9
     )
+    jitter: bool = option(
+        False, "take an even clock behind times that jitter by more than half a sample"
+    )
+    resample: float | None = option(
+        None,
+        "rate at which samples that were taken unevenly are interpolated; null: times are those of an even clock",
+        unit="Hz",
+        ge=0.001,
+        le=1e9,
+    )
     position_unit: str | Factor | None = option(
         None,
         "unit of the position in the file, or the rad of 1 there; null: as the file states it, else rad",
@@ -103,6 +113,15 @@ class ReadingOptions(Options):
         if not is_valid:
             raise ValueError(f"variables must be {PAIRS}; got {show_value(value)}.")
         return dict(pairs)
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        """Samples are interpolated over their times alone."""
+        if self.resample is not None and (self.jitter or self.time == NONE or self.sampling_rate):
+            raise ValueError(
+                "resample excludes jitter, sampling_rate and time=none: it takes the times as they are."
+            )
+        return self
 
     @model_validator(mode="after")
     def _check_variables(self) -> Self:

@@ -21,12 +21,13 @@ from ankleloop.errors import DataError
 from ankleloop_lab.files.channels import TIME, read_channels
 from ankleloop_lab.files.contents import Contents, Variable
 from ankleloop_lab.files.csv_files import CsvContents
-from ankleloop_lab.files.reading import choose_rate, find_factors
+from ankleloop_lab.files.reading import find_factors, read_clock
 from ankleloop_lab.files.reading_options import ReadingOptions
 
 STANDARD_INPUT = Path("-")
 WAIT = 0.1  # s for new samples
 SEARCH = 60.0  # s, until there is a stream
+JITTER_DEVIATIONS = 5.0  # standard deviations of the first stamps, within which others jitter
 FIRST_LINES = 100  # of a table, which tell its rate
 
 # Position [rad], torque [N·m], reference [rad] and, where the source has any, times [s] by name, each of shape (N,).
@@ -57,7 +58,9 @@ class Source(Contents, Iterable[Samples]):
                 remedy={"reference": None},
             )
         units = options.find_units(variables, source=source)
-        self.rate = choose_rate(variables, source=source)
+        clock = read_clock(variables, source=source)
+        self.rate = clock.rate
+        self.jitter = max(self.jitter, JITTER_DEVIATIONS * clock.jitter / clock.rate)
         self._factors = find_factors(variables, units, options, source=source)
         columns = list(self._by_name)
         self._places = {role: columns.index(variables[role].name) for role in self._factors}

@@ -30,6 +30,7 @@ from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import KnownDelayOptions, Trial
 from ankleloop.options import option, show_fields
 from ankleloop.signals.responses import ReferenceProjection
+from ankleloop_lab.files.reading import LARGEST_JITTER
 from ankleloop_lab.recordings.validity import describe_validity, valid_methods
 
 
@@ -160,6 +161,7 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     velocities = [record.inputs[:, 1] for record in records]
     findings = [
         length,
+        *_describe_times(trials),
         *map(merge_findings, zip(*signals, strict=True)),
         sign,
         merge_findings([check_coherence(record) for record in records]),
@@ -176,6 +178,21 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     validity = describe_validity(methods, loop, usable, bias, merged=merged)
     findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
     return Check(findings, loop, methods, spectra, usable, bias)
+
+
+def _describe_times(trials: Sequence[PreparedTrial]) -> list[Finding]:
+    """What was done to times that were not even."""
+    attributes = [trial.trial.attrs for trial in trials]
+    jitter = max(each.get("jitter", 0.0) for each in attributes)
+    findings = []
+    if jitter:
+        text = f"jitter of {jitter:.2g} samples (standard deviation) around an even clock was straightened."
+        findings.append(Finding("times", "ok" if jitter <= LARGEST_JITTER else "warning", text))
+    rates = {each["resample"] for each in attributes if "resample" in each}
+    if rates:
+        text = f"uneven; samples were interpolated at {' and '.join(f'{rate:g}' for rate in rates)} Hz."
+        findings.append(Finding("times", "ok", text))
+    return findings
 
 
 def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> list[Regressors]:

@@ -39,6 +39,8 @@ READ = {
     "torque_unit_of_file",
     "reference_unit_of_file",
     "gaps",
+    "jitter",
+    "resample",
 }
 SIMULATED = {
     "seed",

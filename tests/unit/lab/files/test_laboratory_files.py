@@ -266,6 +266,40 @@ def test_of_several_times_those_that_rise_and_have_a_unit_count(tmp_path, column
     assert_signals(read_trial(write(tmp_path, table({**columns, "angle": P, "torque": TQ}))))
 
 
+RNG = np.random.default_rng(1)
+NOISE = RNG.standard_normal(300) / RATE  # of one sample
+
+
+@pytest.mark.parametrize(
+    ("times", "options", "jitter"),
+    [
+        (T + 0.2 * NOISE, {}, 0.2),
+        (T + 2.0 * NOISE, {"jitter": True}, 2.0),
+        (np.round(T, 2), {"jitter": True}, 0.0028 * RATE),
+    ],
+)
+def test_times_that_jitter_around_an_even_clock(tmp_path, times, options, jitter):
+    columns = {"time": times, "angle": P, "torque": TQ}
+    trial = read_trial(write(tmp_path, table(columns)), **options)
+    np.testing.assert_allclose(trial.position, P, atol=1e-9)
+    assert trial.attrs["sampling_rate"] == pytest.approx(RATE, rel=0.005)
+    assert trial.attrs["jitter"] == pytest.approx(jitter, rel=0.15)
+
+
+def test_samples_that_were_taken_unevenly(tmp_path):
+    times = np.cumsum(RNG.uniform(0.5, 1.5, 300)) / RATE
+    columns = {
+        "time": times,
+        "position": 0.02 * np.sin(2 * np.pi * 3 * times),
+        "torque": 3.0 * np.cos(2 * np.pi * 3 * times),
+    }
+    trial = read_trial(write(tmp_path, table(columns)), resample=1000.0)
+    even = times[0] + trial.time.values
+    np.testing.assert_allclose(trial.position, 0.02 * np.sin(2 * np.pi * 3 * even), atol=1e-6)
+    np.testing.assert_allclose(trial.torque, 3.0 * np.cos(2 * np.pi * 3 * even), atol=1e-4)
+    assert (trial.attrs["sampling_rate"], trial.attrs["resample"]) == (1000.0, 1000.0)
+
+
 def test_a_clock_with_decimal_commas(tmp_path):
     times = clock("2026-01-01 10:00", "%H:%M:%S,%f")
     text = table({"Uhr": times, "angle": P, "torque": TQ}, sep=";", decimal=",")

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ankleloop import DataError
-from ankleloop.signals.sampling import compute_rate
+from ankleloop.signals.sampling import compute_rate, fit_clock
 
 
 def first_fault(time, rate):
@@ -50,3 +50,31 @@ def test_the_first_fault_is_named(size, faults, gap, rate):
 def test_a_single_time_has_no_rate():
     with pytest.raises(DataError, match="x: t has 1 sample: a trial needs at least 2"):
         compute_rate(np.zeros(1), source="x", name="t")
+
+
+@pytest.mark.parametrize("jitter", [0.05, 0.2, 0.45])
+@pytest.mark.parametrize("missing", [0, 1, 10, -8000])
+def test_a_shift_that_lasts_is_told_from_jitter(jitter, missing):
+    rng = np.random.default_rng(3)
+    for place in (2000, 9950, 17000):
+        samples = np.arange(20000.0)
+        samples[place:] += missing
+        clock = fit_clock((samples + jitter * rng.standard_normal(samples.size)) / 500.0)
+        if missing:
+            assert clock.shift == pytest.approx(place, abs=300 if missing == 1 else 0)
+        else:
+            assert clock.shift is None
+            assert clock.rate == pytest.approx(500.0, rel=1e-6)
+            assert clock.jitter == pytest.approx(jitter, rel=0.02)
+
+
+def test_samples_that_have_the_stamp_of_their_piece_jitter():
+    stamps = np.repeat(np.arange(2500.0) * 8, 8) / 1000.0
+    clock = fit_clock(stamps)
+    assert (clock.rate, clock.shift) == (pytest.approx(1000.0, rel=1e-4), None)
+    assert clock.jitter == pytest.approx(np.sqrt((8**2 - 1) / 12), rel=1e-3)
+
+
+@pytest.mark.parametrize("times", [np.arange(40.0), np.zeros(100), np.r_[np.nan, np.arange(99.0)]])
+def test_few_times_and_others_have_no_clock(times):
+    assert fit_clock(times) is None
