@@ -94,6 +94,8 @@ FAULTS = {
 TRIAL_QUANTITIES = SCORES | PARAMETERS | ERRORS | DIAGNOSTICS | TRAJECTORY_SCORES | FAULTS
 QUANTITIES = {
     "torque": Quantity("torque", "torque", "N·m"),
+    "mean_torque": _number("mean torque", "N·m"),
+    "mean_position": _number("mean position", "rad"),
     **CONTRIBUTIONS,
     **PARAMETERS,
     **TRIAL_QUANTITIES,

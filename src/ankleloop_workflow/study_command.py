@@ -14,7 +14,16 @@ import click
 from ankleloop_lab.command_line.check import check_file
 from ankleloop_lab.command_line.naming import map_recordings, names_option
 from ankleloop_lab.command_line.reading import FILE, name_recording, reading_options
-from ankleloop_lab.command_line.terminal import echo, join_words, refuse_existing, show_next
+from ankleloop_lab.command_line.terminal import (
+    DATA,
+    DONE,
+    SOME,
+    echo,
+    join_words,
+    refuse_existing,
+    show_error,
+    show_next,
+)
 
 Values = dict[str, Any]  # by name
 
@@ -46,7 +55,8 @@ def study(
     """Write a configuration of a study of recordings, for the workflow.
 
     Each file is read and checked, and the configuration has its names, units and signs, and in comments what the check
-    has found. Options for reading concern all files.
+    has found. Options for reading concern all files. A file that cannot be read is left out: then the exit status is 3,
+    and 1 if none can be read.
     """
     import yaml
 
@@ -60,14 +70,17 @@ def study(
         refuse_existing([new])
     # The only study of a file has the name of the file, so that no other study has its results.
     name = name_recording(new).replace(".", "-")
-    settings, remarks = _describe_recordings(files, names, values)
+    settings, remarks, left_out = _describe_recordings(files, names, values)
+    if not settings["files"]:
+        show_error(f"no file can be read: {' '.join(left_out)}")
+        return DATA
     config = {"run": [name], "article": [], "studies": {name: settings}}
     try:
         read_run(config, [])
     except ConfigError as error:
         raise click.UsageError(str(error)) from None
     wrapper = textwrap.TextWrapper(120, initial_indent="# ", subsequent_indent="#   ")
-    parts = [HEADER.format(file=new.name, name=name), *map(wrapper.fill, remarks)]
+    parts = [HEADER.format(file=new.name, name=name), *map(wrapper.fill, [*left_out, *remarks])]
     plain = json.loads(json.dumps(config))  # what stands twice is no alias then
     parts.append(yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, width=120))
     with atomic_file(new, overwrite=overwrite) as partial:
@@ -75,21 +88,26 @@ def study(
     echo(f"\n{new} is written.")
     command = join_words(["snakemake", "--cores", "2", "--configfile", str(new.absolute())])
     show_next(f"look through {new}, then, in the folder of the repository: {command}")
-    return 0
+    return SOME if left_out else DONE
 
 
 def _describe_recordings(
     files: Sequence[Path], names: str | None, values: Values
-) -> tuple[Values, list[str]]:
-    """Settings of a study of recordings, each of which is read and checked, and what was found."""
+) -> tuple[Values, list[str], list[str]]:
+    """Settings of a study of recordings, each of which is read and checked, what was found, and what is left out."""
     from ankleloop_lab.recordings.validity import usual_methods
 
     folder = Path(os.path.commonpath([file.absolute().parent for file in files]))
     recordings = []
     described = {}
     remarks = []
-    for name, (recording, file) in map_recordings(files, names, values).items():
-        _, check = check_file(file, recording)
+    left_out = []
+    for name, (recording, file) in map_recordings(files, names, values, tolerant=True).items():
+        trial, check = check_file(file, recording)
+        if trial is None:
+            left_out.append(f"{name} is left out: {' '.join(check.reasons)}")
+            echo(left_out[-1])
+            continue
         if values.get("torque_sign") is None and "torque_sign" in check.remedy:
             recording = recording.model_copy(update={"torque_sign": -1})
             remark = f"{name}: torque_sign is -1: as the file has it, the torque does not oppose stretch."
@@ -121,10 +139,25 @@ def _describe_recordings(
         "kind": "recordings",
         "title": "Recordings",
         "folder": str(folder).replace("$", "$$"),
-        "files": described,
+        **_share_defaults(described),
         "methods": methods,
     }
-    return settings, remarks
+    return settings, remarks, left_out
+
+
+def _share_defaults(described: dict[str, Values]) -> Values:
+    """Recordings without what all have alike, which are defaults; of a single one nothing is."""
+    first, *others = described.values() or [{}]
+    shared = {
+        key: value
+        for key, value in first.items()
+        if others and all(key in other and other[key] == value for other in others)
+    }
+    files = {
+        name: {key: value for key, value in recording.items() if key not in shared}
+        for name, recording in described.items()
+    }
+    return {"defaults": shared, "files": files} if shared else {"files": files}
 
 
 def _suggest_labels(files: Sequence[Path]) -> list[str]:

@@ -18,11 +18,13 @@ import pandas as pd
 
 from ankleloop.methods.registry import METHODS, find_method
 from ankleloop.plotting.style import save_figure
-from ankleloop.trials.files import write_csv
+from ankleloop.quantities import QUANTITIES
+from ankleloop.trials.files import atomic_file, write_csv
 from ankleloop_lab.checking import ConfigError, check
 from ankleloop_lab.command_line.reading import list_choices
 from ankleloop_lab.command_line.terminal import COLOURS, echo, refuse_existing
-from ankleloop_lab.plotting.recordings import comparison_figure, recordings_figure
+from ankleloop_lab.pages.recordings import render_recordings_page
+from ankleloop_lab.plotting.recordings import comparison_figure, levels_figure, recordings_figure
 from ankleloop_lab.recordings.comparison import compare, describe_differences, select_comparable
 from ankleloop_lab.recordings.files import SUFFIXES
 from ankleloop_lab.recordings.method_settings import settings_of
@@ -32,8 +34,9 @@ from ankleloop_lab.recordings.settings import Recording, describe_parts
 from ankleloop_lab.recordings.validity import usual_methods
 from ankleloop_lab.results import analyse_recording
 
-TABLE, FIGURE = "recordings.csv", "recordings-figure"  # of several recordings
-COMPARISON, COMPARISON_FIGURE = "comparison.csv", "comparison-figure"  # of conditions
+# Of several recordings; figures are `NAME-figure.png`.
+PAGE, TABLE, COMPARISON = "index.html", "recordings.csv", "comparison.csv"
+MOST_SHOWN = 12  # recordings of which a terminal has a line each
 
 
 @dataclass(frozen=True)
@@ -103,9 +106,13 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
 
 def refuse_results(folder: Path, names: Collection[str]) -> None:
     """Refuse to replace results of recordings, unless they say no more than why a recording is refused."""
+    if len(names) > 1 and f"{Path(PAGE).stem}" in {name.lower() for name in names}:
+        raise click.UsageError(
+            f"{PAGE} is the page of all recordings: rename the file of that name."
+        )
     tables = {f"{name}-parameters.csv": f"{name}.html" for name in names}
     if len(names) > 1:
-        tables[TABLE] = f"{FIGURE}.png"
+        tables[TABLE] = PAGE
     for table, other in tables.items():
         try:
             verdicts = set(pd.read_csv(folder / table, usecols=["verdict"])["verdict"])
@@ -192,38 +199,72 @@ def show_verdict(table: pd.DataFrame) -> None:
 
 
 def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
-    """Write the table of all estimates, show those that are recommended with their figure; the path to look at."""
+    """Write page, table and figures of several recordings, and show what fits a screen; the path of the page."""
     table = pd.concat(tables, ignore_index=True)
     write_csv(table, folder / TABLE, overwrite=True)
     recommended = table[table["recommended"].eq(True)]
-    if not recommended.empty:
-        cells = format_parameters(recommended)
-        cells.insert(0, "loop", recommended["loop"])
-        cells.insert(1, "recommended", recommended["label"])
-        echo(f"\n{cells.set_index(recommended['recording']).rename_axis(None).to_string()}")
-        remarks = recommended.set_index("recording")["interval_remark"].dropna()
-        for name, remark in remarks[remarks != ""].items():
-            echo(f"{name}: intervals reach further to one side: {remark}")
-    without = set(table["recording"]) - set(recommended["recording"])
-    if without:
-        echo(f"\nno recommendation: {', '.join(sorted(without))}")
-    echo(f"\npages                {folder}/NAME.html")
-    echo(f"all methods          {folder / TABLE}")
-    if recommended.empty:
-        return folder / TABLE
-    names = [name for name in PARAMETERS if recommended[name].notna().any()]
-    save_figure(recordings_figure(recommended, names), folder / FIGURE, overwrite=True)
-    picture = folder / f"{FIGURE}.png"
-    echo(f"recommended methods  {picture}")
+    left_out = _list_left_out(table, set(recommended["recording"]))
+    figures = {}
+    answers = []
     comparable = select_comparable(table)
     if comparable is not None:
         comparison = compare(comparable)
         write_csv(comparison, folder / COMPARISON, overwrite=True)
-        figure = comparison_figure(comparable, comparison)
-        save_figure(figure, folder / COMPARISON_FIGURE, overwrite=True)
-        echo(f"conditions           {folder / COMPARISON}, {folder / COMPARISON_FIGURE}.png")
-        echo(f"\n{describe_differences(comparison)}")
-    return picture
+        figures["comparison"] = comparison_figure(comparable, comparison)
+        compared = comparison["parameter"].unique()
+        answers = [describe_differences(comparison, name) for name in compared]
+    cells = pd.DataFrame()
+    if not recommended.empty:
+        figures["levels"] = levels_figure(recommended)
+        names = [name for name in PARAMETERS if recommended[name].notna().any()]
+        figures["recordings"] = recordings_figure(recommended, names)
+        cells = _tabulate(recommended)
+    for name, figure in figures.items():
+        save_figure(figure, folder / f"{name}-figure", overwrite=True)
+    recordings = table["recording"].nunique()
+    counts = f"{recordings - len(left_out)} of {recordings} recordings have a recommended method."
+    page = render_recordings_page(folder.name, [*answers, counts], cells, left_out, figures)
+    with atomic_file(folder / PAGE, overwrite=True) as path:
+        path.write_text(page, encoding="utf-8")
+    _show_summary(recommended, cells, left_out)
+    echo(f"\npage of all    {folder / PAGE}\npages          {folder}/NAME.html")
+    echo(f"tables         {folder / TABLE}" + (f", {folder / COMPARISON}" if answers else ""))
+    echo(f"\n{answers[0] if answers else counts}")
+    return folder / PAGE
+
+
+def _list_left_out(table: pd.DataFrame, recommended: Collection[str]) -> dict[str, str]:
+    """Recordings without a recommended method, and why."""
+    first = table.drop_duplicates("recording").set_index("recording")
+    reasons = first["reasons"] if "reasons" in first else pd.Series("", first.index)
+    reasons = reasons.where(first["verdict"] == "refused", first["recommendation"])
+    return reasons.drop(list(recommended)).to_dict()
+
+
+def _tabulate(recommended: pd.DataFrame) -> pd.DataFrame:
+    """Recommended estimates with their intervals, as cells."""
+    cells = format_parameters(recommended)
+    for name in ("mean_torque", "mean_position"):
+        cells[QUANTITIES[name].label] = recommended[name].map("{:.3g}".format)
+    cells.insert(0, "recording", recommended["recording"])
+    cells.insert(1, "loop", recommended["loop"])
+    cells.insert(2, "recommended", recommended["label"])
+    return cells
+
+
+def _show_summary(
+    recommended: pd.DataFrame, cells: pd.DataFrame, left_out: Mapping[str, str]
+) -> None:
+    """Show recommended estimates and what is left out, of many recordings the latter alone."""
+    if 0 < len(cells) <= MOST_SHOWN:
+        echo(f"\n{cells.set_index('recording').rename_axis(None).to_string()}")
+        remarks = recommended.set_index("recording")["interval_remark"].dropna()
+        for name, remark in remarks[remarks != ""].items():
+            echo(f"{name}: intervals reach further to one side: {remark}")
+    if left_out:
+        names = [*sorted(left_out)[:MOST_SHOWN]]
+        more = f" and {len(left_out) - len(names)} more" if len(left_out) > len(names) else ""
+        echo(f"\nno recommendation: {', '.join(names)}{more}")
 
 
 def _style_verdict(row: pd.Series) -> str:

@@ -13,7 +13,15 @@ import click
 from ankleloop_lab.command_line.check import find_advice
 from ankleloop_lab.command_line.naming import map_recordings, names_option
 from ankleloop_lab.command_line.reading import FILE, FOLDER, reading_options
-from ankleloop_lab.command_line.terminal import echo, show_correction, show_next, show_progress
+from ankleloop_lab.command_line.terminal import (
+    DATA,
+    DONE,
+    SOME,
+    echo,
+    show_correction,
+    show_next,
+    show_progress,
+)
 
 EPILOG = """\b
 Examples:
@@ -28,8 +36,13 @@ Results, in the folder of --output:
   NAME-parameters.csv           a row for each method: parameters with intervals, scores, warnings
   NAME/METHOD.nc, .mat, .csv    the estimate with its model, and a table of its torques
   NAME/figure-*.csv             the numbers that the figures of the page draw
-  recordings.csv, recordings-figure.png   of several files: all rows in one table; a figure of the recommended methods
-  comparison.csv, comparison-figure.png   of several subjects and conditions: differences within subjects, and a figure
+  index.html                    of several files: their page: the answer, figures, links, what is left out and why
+  recordings.csv                all rows in one table
+  recordings-figure.png, levels-figure.png   the recommended methods; K against mean torque and position
+  comparison.csv, comparison-figure.png      of several subjects and conditions: differences within subjects
+
+\b
+Exit status: 0 if all files can be used, 3 if some can, 1 if none can.
 """
 RESULTS = "Folder of the results.  [default: FILE-results, of several files ankleloop-results]"
 CHOICE = (
@@ -82,6 +95,8 @@ def identify(
         for name, (recording, path) in recordings.items()
     ]
     tables = []
+    is_brief = len(analyses) > analysis.MOST_SHOWN
+    corrections: dict[tuple[Any, ...], list[Path]] = {}  # files by what is advised for them
     progress = nullcontext() if several else show_progress()
     with analysis.claim_folder(folder) as claim, progress:
         if not overwrite:
@@ -90,22 +105,28 @@ def identify(
         for plan, table in zip(analyses, analysed, strict=True):
             recording, path = recordings[plan.name]
             tables.append(table)
-            if several:
-                echo(f"recording {len(tables)} of {len(analyses)}: {plan.name} ({path})", err=True)
-                analysis.show_verdict(table)
-            else:
+            number = len(tables)
+            if several and (not is_brief or number % 10 == 0 or number == len(analyses)):
+                echo(f"recording {number} of {len(analyses)}: {plan.name} ({path})", err=True)
+            if not several:
                 analysis.show_results(table, folder)
-            others = {str(file) for file in files if file != path}
-            words = [word for word in context.obj if word not in others]
+            elif not is_brief:
+                analysis.show_verdict(table)
             advice = find_advice(path, recording, table.attrs["remedy"], plan.methods)
-            show_correction(advice, words)
+            corrections.setdefault(tuple(advice.items()), []).append(path)
         page = folder / f"{analyses[0].name}.html"
         if several:
             page = analysis.write_summary(tables, folder)
+    for items, concerned in corrections.items():
+        others = {str(file) for file in files if file not in concerned}
+        show_correction(dict(items), [word for word in context.obj if word not in others])
     show_next(f"open {page}")
     if names is None:
         _suggest_names(files)
-    return int(not all(table["valid"].any() for table in tables))
+    usable = [table["valid"].any() for table in tables]
+    if all(usable):
+        return DONE
+    return SOME if any(usable) else DATA
 
 
 def _suggest_names(files: Iterable[Path]) -> None:

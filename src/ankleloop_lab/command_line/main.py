@@ -23,9 +23,19 @@ from ankleloop_lab.command_line.demo import demo
 from ankleloop_lab.command_line.identify import identify
 from ankleloop_lab.command_line.live import live
 from ankleloop_lab.command_line.plan import plan
-from ankleloop_lab.command_line.terminal import echo, show_correction, show_error, show_warning
+from ankleloop_lab.command_line.terminal import (
+    DATA,
+    DONE,
+    INTERRUPTED,
+    MISTAKE,
+    SOME,
+    USAGE,
+    echo,
+    show_correction,
+    show_error,
+    show_warning,
+)
 
-DONE, DATA, USAGE, MISTAKE, INTERRUPTED = 0, 1, 2, 3, 130
 EPILOG = f"""\b
 Examples:
   ankleloop demo
@@ -37,8 +47,9 @@ Examples:
 \b
 Exit status:
   {DONE}    done; warnings are in the output
-  {DATA}    the data cannot be used: refused, or no method is valid
+  {DATA}    no data can be used: refused, or no method is valid
   {USAGE}    wrong usage: an option that is missing or wrong, a file that exists
+  {SOME}    of several files some can be used, and others cannot
   {MISTAKE}    a mistake in the program, or memory, disk or time that is short
   {INTERRUPTED}  interrupted
 """

@@ -9,7 +9,12 @@ from typing import Any
 import click
 
 from ankleloop.errors import DataError
-from ankleloop_lab.command_line.reading import map_trials, name_recordings, parse_reading
+from ankleloop_lab.command_line.reading import (
+    UnclearNamesError,
+    map_trials,
+    name_recordings,
+    parse_reading,
+)
 from ankleloop_lab.recordings.settings import Recording, name_trials
 
 HELP = (
@@ -23,13 +28,18 @@ def map_recordings(
     files: Iterable[Path], names: str | None, values: Mapping[str, Any], *, tolerant: bool = False
 ) -> dict[str, tuple[Recording, Path]]:
     """Recordings with their files, by name; a file that cannot be read is an error, or is left to its check."""
+    named = name_recordings(files)
+    shown: set[str] | None = set() if len(named) > 1 else None
     recordings = {}
-    for name, path in name_recordings(files).items():
+    refused = 0
+    for name, path in named.items():
         stated = {**values, **_read_names(path, names)}
         try:
-            trials = map_trials(path, **stated)
-        except DataError:
-            if not tolerant:
+            trials = map_trials(path, shown, **stated)
+        except (DataError, UnclearNamesError) as error:
+            refused += 1
+            is_usage = isinstance(error, UnclearNamesError) and refused == len(named)
+            if not tolerant or is_usage:
                 raise
             trials = [parse_reading(path, **stated)]
         for trial, recording in name_trials(name, trials).items():

@@ -37,6 +37,10 @@ FOLDER = click.Path(file_okay=False, path_type=Path)
 MOST_CHARACTERS = 60  # of the name of a recording that is made of the name of a file
 
 
+class UnclearNamesError(click.UsageError):
+    """Names in a file leave a choice, which an option decides."""
+
+
 def reading_options(command: Command) -> Command:
     """Decorator that gives a command an option for each field of a recording, and one to take no reference."""
     help_text = "Take no variable for the reference, whatever its name."
@@ -78,9 +82,9 @@ def list_choices(field: FieldInfo) -> list[Any]:
     return [value for kind in kinds if get_origin(kind) is Literal for value in get_args(kind)]
 
 
-def map_trials(path: Path, **values: Any) -> list[Recording]:
+def map_trials(path: Path, shown: set[str] | None = None, **values: Any) -> list[Recording]:
     """Map the variables of each trial of a file to channels, and show it; most files have one."""
-    return list_trials(path, map_file(path, **values))
+    return list_trials(path, map_file(path, shown, **values))
 
 
 def parse_reading(path: Path, *, no_reference: bool = False, **values: Any) -> Recording:
@@ -96,13 +100,15 @@ def parse_reading(path: Path, *, no_reference: bool = False, **values: Any) -> R
         raise click.UsageError(str(error)) from None
 
 
-def map_file(path: Path, **values: Any) -> Recording:
-    """Map the variables of a file to channels, and show it; what the options leave out follows from names and units."""
+def map_file(path: Path, shown: set[str] | None = None, **values: Any) -> Recording:
+    """Map the variables of a file to channels, and show it; what the options leave out follows from names and units.
+
+    Of several files that are read alike one is shown: `shown` has how others are read.
+    """
     options = parse_reading(path, **values)
     variables = _find_variables(path, options)
     found = {role: variable.name for role, variable in variables.items() if role in CHANNELS}
     mapping = {"reference": NONE} | found | options.channels
-    echo(click.style(path.name, bold=True))
     units: Mapping[str, ChannelUnit] = {}
     with suppress(DataError):  # which its reading shows
         units = options.find_units(variables, source=path.name)
@@ -112,11 +118,19 @@ def map_file(path: Path, **values: Any) -> Recording:
     recording = options.model_copy(update={**mapping, "position_unit": position_unit})
     signs = {"position": f", sign {recording.position_sign:+d}"}
     signs["torque"] = f", sign {recording.torque_sign:+d}"
+    lines = []
     for role in filter(mapping.__contains__, CHANNELS):
-        described = _describe_part(mapping[role], variables.get(role))
         is_assumed = getattr(options, f"{role}_unit") is None
         unit = _describe_unit(units[role], is_assumed) if role in units else ""
-        echo(f"  {role:9} {described}{unit}{signs.get(role, '')}")
+        part = (
+            _describe_part(mapping[role], variables.get(role)) if shown is None else mapping[role]
+        )
+        lines.append(f"  {role:9} {part}{unit}{signs.get(role, '')}")
+    text = "\n".join(lines)
+    if shown is None or text not in shown:
+        echo(f"{click.style(path.name, bold=True)}\n{text}")
+    if shown is not None:
+        shown.add(text)
     return recording
 
 
@@ -149,7 +163,7 @@ def _find_variables(path: Path, options: Recording) -> dict[str, Variable]:
         option = f"--{unknown.pop()} NAME"
         if "reference" in error.remedy:
             option += ", or --no-reference"
-        raise click.UsageError(f"{error} Option that decides: {option}.") from None
+        raise UnclearNamesError(f"{error} Option that decides: {option}.") from None
 
 
 def name_recordings(files: Iterable[Path]) -> dict[str, Path]:

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+DONE, DATA, USAGE, SOME, MISTAKE, INTERRUPTED = 0, 1, 2, 3, 4, 130  # exit statuses
 COLOURS = {"ok": "green", "warning": "yellow", "refused": "red"}
 PROGRESS = "ankleloop_lab.recordings.analysis"  # the logger that says which method is being fitted
 # What only the user knows, by the options that need it.

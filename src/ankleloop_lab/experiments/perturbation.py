@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.options import check_flag, check_integer, check_number, check_path
 from ankleloop.simulation.settings import DWELL_TIMES
 from ankleloop.trials.files import atomic_file
+from ankleloop.trials.units import POSITION_UNITS
 from ankleloop_lab.experiments.experiment import (
     LONGEST_RECORD,
     LOST_TIME,
@@ -65,7 +66,9 @@ class PerturbationDesign:
     seconds: float
     experiment: Experiment = field(repr=False)
 
-    def draw(self, seed: int, seconds: float | None = None) -> xr.DataArray:
+    def draw(
+        self, seed: int, seconds: float | None = None, unit: Literal["rad", "deg"] = "rad"
+    ) -> xr.DataArray:
         """A new sequence: one that a subject meets again can be learnt, so take another seed for each trial.
 
         Parameters
@@ -74,11 +77,13 @@ class PerturbationDesign:
             Seed of the sequence.
         seconds : float, optional
             Its length [s], as that of a plan (see `plan_duration`); otherwise that of the design.
+        unit : {"rad", "deg"}
+            Unit of the command.
 
         Returns
         -------
         xarray.DataArray
-            Command [rad] over time [s], within the limits of the design.
+            Command over time [s], within the limits of the design.
         """
         seed = check_integer("draw", "seed", seed, ge=0)
         duration = self.seconds if seconds is None else _check_seconds("draw", seconds)
@@ -86,7 +91,8 @@ class PerturbationDesign:
         (command,) = experiment.draw(_dwells(self.weights.values()), seed, count=1)
         rate = experiment.settings.recording_rate
         time = xr.Variable("time", np.arange(command.size) / rate, {"units": "s"})
-        attributes = {"units": "rad", "long_name": "command of the servo", "seed": seed}
+        attributes = {"units": unit, "long_name": "command of the servo", "seed": seed}
+        command = command / _check_unit("draw", unit)
         return xr.DataArray(command, {"time": time}, name="command", attrs=attributes)
 
     def save(
@@ -95,6 +101,7 @@ class PerturbationDesign:
         *,
         seed: int,
         seconds: float | None = None,
+        unit: Literal["rad", "deg"] = "rad",
         overwrite: bool = False,
     ) -> None:
         """Write a new sequence for the computer that commands the servo.
@@ -102,11 +109,14 @@ class PerturbationDesign:
         Parameters
         ----------
         path : str or os.PathLike
-            A .csv file with the columns "time" [s] and "command" [rad], or a .mat file with these and the rate "fs".
+            A .csv file with the columns "time_s" and "command_rad" (or "command_deg"), or a .mat file with the
+            variables "time", "command", its unit "command_unit" and the rate "fs".
         seed : int
             Seed of the sequence.
         seconds : float, optional
             Its length [s]; otherwise that of the design.
+        unit : {"rad", "deg"}
+            Unit of the command.
         overwrite : bool
             Replace a file that exists.
 
@@ -120,14 +130,29 @@ class PerturbationDesign:
             raise DataError(
                 f"{target}: a command is written as .csv or .mat: choose one of these suffixes."
             )
-        command = self.draw(seed, seconds)
-        columns = {"time": command["time"].values, "command": command.values}
+        command = self.draw(seed, seconds, unit)
+        time = command["time"].values
         rate = self.experiment.settings.recording_rate
         with atomic_file(target, overwrite=overwrite) as partial:
             if target.suffix == ".csv":
+                columns = {"time_s": time, f"command_{unit}": command.values}
                 pd.DataFrame(columns).to_csv(partial, index=False)
             else:
-                savemat(partial, {**columns, "fs": rate}, appendmat=False, oned_as="column")
+                variables = {
+                    "time": time,
+                    "command": command.values,
+                    "command_unit": unit,
+                    "fs": rate,
+                }
+                savemat(partial, variables, appendmat=False, oned_as="column")
+
+
+def _check_unit(function: str, unit: str) -> float:
+    """How many rad a unit of a command is."""
+    if unit not in POSITION_UNITS:
+        known = " or ".join(map(repr, POSITION_UNITS))
+        raise ValueError(f"{function}: unit must be {known}; got {unit!r}.")
+    return POSITION_UNITS[unit]
 
 
 def design_perturbation(

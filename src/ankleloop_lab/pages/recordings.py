@@ -26,7 +26,7 @@ from ankleloop_lab.recordings.recommendation import (
 
 # Rows of the table of methods: columns of `Analysis.table` with their headings.
 ROWS = {name: quantity.label for name, quantity in QUANTITIES.items() if name != "torque"}
-ROWS |= {"intervals": "intervals of the parameters", "selected": "selected"}
+ROWS |= {"warnings": "warnings", "intervals": "intervals of the parameters", "selected": "selected"}
 PIXELS_PER_INCH = 137.5  # of the page: a figure of two columns fills it
 DOTS_PER_INCH = 220  # of the picture
 
@@ -78,6 +78,46 @@ def render_recording_page(
         format_with_interval=format_with_interval,
     )
     return render_page(name, body, index=index)
+
+
+HEADINGS = {
+    "comparison": "Conditions",
+    "levels": "Where the joint was held",
+    "recordings": "Recommended methods",
+}
+CAPTIONS = {
+    "comparison": (
+        "Left: a line for each subject, and the mean over subjects with its 95 % interval. Right: the mean of the "
+        "differences within subjects with its 95 % interval; where that holds 0, no difference is shown."
+    ),
+    "levels": (
+        "K rises with the torque with which a joint is held, and depends on its position. Where conditions differ in "
+        "these, so does K."
+    ),
+    "recordings": "Parameters with their 95 % intervals. A ring marks an estimate with a warning.",
+}
+
+
+def render_recordings_page(
+    title: str,
+    answers: Sequence[str],
+    recommended: pd.DataFrame,
+    left_out: Mapping[str, str],
+    figures: Mapping[str, DataFigure],
+) -> str:
+    """Page of several recordings: the answer, figures, links to their pages, and which are left out, and why."""
+    body = render_template(
+        "recordings.html.j2",
+        title=title,
+        answers=answers,
+        recommended=recommended,
+        links=[f"{name}.html" for name in recommended.get("recording", ())],
+        left_out=left_out,
+        pictures={name: _embed(figure) for name, figure in figures.items()},
+        headings=HEADINGS,
+        captions=CAPTIONS,
+    )
+    return render_page(title, body)
 
 
 def _embed(figure: DataFigure) -> dict[str, Any]:

@@ -33,6 +33,8 @@ SIGNAL = MethodStyle("#444444", "")
 SUBJECT = MethodStyle("#999999", "o", more={"lw": 0.7, "ms": 2.5})
 MEAN = MethodStyle("#1B1044", "D")
 MEAN_SERIES = "mean over subjects"
+DIFFERENCE = MethodStyle("#1B1044", "s")
+DIFFERENCE_SERIES = "mean of the differences within subjects"
 SPECTRUM_STYLES = {
     "position": SIGNAL,
     "torque": SIGNAL,
@@ -198,6 +200,8 @@ def comparison_figure(
 ) -> DataFigure:
     """Parameters against the condition: a line for each subject, and the mean over subjects with its 95 % interval.
 
+    Beside them are the paired differences from the first condition with their 95 % intervals.
+
     Conditions that are all numbers have their places on the axis, others are side by side.
 
     Parameters
@@ -226,6 +230,10 @@ def comparison_figure(
     is_numeric = pd.api.types.is_numeric_dtype(means["condition"])
     x = conditions if is_numeric else np.arange(len(conditions))
     used = select_rows(table, [condition, within])
+    places = dict(zip(conditions, x, strict=True))
+    differences = comparison[
+        (comparison["kind"] == "difference") & (comparison["reference"] == conditions[0])
+    ]
     parts = []
     panels = {}
     styles = {MEAN_SERIES: MEAN}
@@ -239,7 +247,40 @@ def comparison_figure(
         ends = rows[["low", "high"]].to_numpy().T
         mean = rows["value"].to_numpy()
         parts.append(curve(name, MEAN_SERIES, x, mean, low=ends[0], high=ends[1]))
+        beside = differences[differences["parameter"] == name]
+        if beside.empty:
+            continue
+        title = f"difference from {conditions[0]}"
+        label = f"Δ{QUANTITIES[name].label}"
+        panels[f"{name} difference"] = Panel(label, title, xlabel=condition, joined=False)
+        ends = beside[["low", "high"]].to_numpy().T
+        columns = {"low": ends[0], "high": ends[1]}
+        at = beside["condition"].map(places).to_numpy(float)
+        parts.append(curve(f"{name} difference", DIFFERENCE_SERIES, at, beside["value"], **columns))
+    styles[DIFFERENCE_SERIES] = DIFFERENCE
     figure = draw_panels(pd.concat(parts), panels, styles, columns=2)
-    for axis in figure.axes:
+    margin = 0.3 * np.min(np.diff(x), initial=1.0)
+    for axis, panel in zip(figure.axes, panels.values(), strict=True):
         axis.set_xticks(x, list(map(str, conditions)))
+        axis.set_xlim(np.min(x) - margin, np.max(x) + margin)
+        if not panel.joined:
+            axis.axhline(0.0, **REFERENCE_LINE)
     return finish(figure)
+
+
+def levels_figure(table: pd.DataFrame) -> DataFigure:
+    """K of all recordings against the mean torque and the mean position, by condition.
+
+    A joint is stiffer where it is held with more torque: what looks like an effect of a condition may be one of that.
+    """
+    conditions = table.get("condition", pd.Series("", table.index)).fillna("").astype(str)
+    series = conditions.where(conditions != "", "recordings")
+    parts = []
+    panels = {}
+    for level in ("mean_torque", "mean_position"):
+        panels[level] = Panel(QUANTITIES["K"].label, xlabel=QUANTITIES[level].label, joined=False)
+        for name, rows in table.groupby(series, sort=False):
+            ends = rows.reindex(columns=["K_low", "K_high"]).to_numpy(float).T
+            columns = {"low": ends[0], "high": ends[1]}
+            parts.append(curve(level, str(name), rows[level], rows["K"], **columns))
+    return finish(draw_panels(pd.concat(parts), panels, columns=2))

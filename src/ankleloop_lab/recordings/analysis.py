@@ -144,6 +144,14 @@ def analyse(trial: Trial | Sequence[Trial], methods: Mapping[str, Specification]
     return replace(analysis, table=pd.DataFrame(rows))
 
 
+def mean_levels(trials: Sequence[PreparedTrial]) -> dict[str, float]:
+    """Means of torque [N·m] and position [rad] over all samples: where a joint was held, its parameters depend on."""
+    return {
+        f"mean_{name}": float(np.mean(np.concatenate([trial.samples[name] for trial in trials])))
+        for name in ("torque", "position")
+    }
+
+
 def describe_failure(error: Exception) -> str:
     """Why something could not be computed; what is no fault of the data goes to the log with its trace."""
     if isinstance(error, DataError):
@@ -304,6 +312,7 @@ def _describe_estimate(
         "residual_related": test.related,
         "residual_related_p": test.related_p,
         **parameter_row(trials, shown),
+        **mean_levels(trials),
         "interval_remark": shown.interval_remark,
         "warnings": " ".join(warnings),
         "trusted": not warnings,

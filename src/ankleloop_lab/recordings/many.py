@@ -20,7 +20,8 @@ from ankleloop.quantities import PARAMETERS
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.trials.files import PathLike
 from ankleloop_lab.files.reading import read_trial
-from ankleloop_lab.recordings.analysis import describe_failure
+from ankleloop_lab.files.reading_options import ReadingOptions
+from ankleloop_lab.recordings.analysis import describe_failure, mean_levels
 from ankleloop_lab.recordings.labels import read_labels
 from ankleloop_lab.recordings.processes import run_each
 
@@ -77,7 +78,8 @@ def identify_each(
     progress : bool
         Whether to show on the standard error how many are done.
     **options
-        Those of `ankleloop.identify`.
+        Those of `ankleloop.identify`, and of files those of `ankleloop.read_trial`. `reference` is the variable of the
+        files, but for "position", which takes the measured position for it.
 
     Returns
     -------
@@ -86,7 +88,8 @@ def identify_each(
         trials that are merged have them alike, a label with the name of a parameter or of another column as
         `NAME_label`; how many `trials` are merged; the `method`; its parameters with the ends of their 95 % intervals
         (such as `K`, `K_low`, `K_high`) and its diagnostics; `warnings`, and whether it is `trusted`, which an estimate
-        with a warning about the fit is not. Where a trial is refused, `refused` has the reason, and the parameters are
+        with a warning about the fit is not. `mean_torque` [N·m] and `mean_position` [rad] say where the joint was
+        held. Where a trial is refused, or its file cannot be read, `refused` has the reason, and the parameters are
         missing. Settings of a trial that `ankleloop.simulate` made are no labels.
 
     Raises
@@ -117,8 +120,10 @@ def identify_each(
     if not groups or not all(groups):
         raise DataError("there are no trials to identify.")
     labels = [_label_group(group, names) for group in groups]
+    has_files = any(isinstance(part, PATH) for group in groups for part in group)
+    reading = _take_reading(options) if has_files else {}
     _check_options(method, options)
-    identify_one = partial(_identify_group, method=method, options=options)
+    identify_one = partial(_identify_group, method=method, reading=reading, options=options)
     found = map(identify_one, groups) if jobs == 1 else run_each(identify_one, groups, jobs)
     rows = []
     for number, row in enumerate(found, 1):
@@ -131,6 +136,16 @@ def identify_each(
     table = pd.DataFrame(labels, index=results.index).rename(columns=own).join(results)
     table.insert(0, "recording", range(1, len(groups) + 1))
     return table
+
+
+def _take_reading(options: dict[str, Any]) -> dict[str, Any]:
+    """Options of reading, which are taken out of others, and checked."""
+    names = options.keys() & ReadingOptions.model_fields.keys()
+    if options.get("reference") == "position":
+        names.discard("reference")
+    reading = {name: options.pop(name) for name in names}
+    ReadingOptions.parse("identify_each", **reading)
+    return reading
 
 
 def _check_options(method: str | Method | None, options: Mapping[str, Any]) -> None:
@@ -168,11 +183,17 @@ def _label(part: Any, names: str | None) -> Labels:
 
 
 def _identify_group(
-    parts: Sequence[Any], method: str | Method | None, options: Mapping[str, Any]
+    parts: Sequence[Any],
+    method: str | Method | None,
+    reading: Mapping[str, Any],
+    options: Mapping[str, Any],
 ) -> dict[str, Any]:
     """What becomes of a trial, or of several that are merged."""
     try:
-        trials = [prepare(read_trial(part) if isinstance(part, PATH) else part) for part in parts]
+        trials = [
+            prepare(read_trial(part, **reading) if isinstance(part, PATH) else part)
+            for part in parts
+        ]
         estimate = identify(trials if len(trials) > 1 else trials[0], method, **options)
     except NUMERICAL_ERRORS as error:
         return {"trusted": False, "refused": describe_failure(error)}
@@ -181,4 +202,5 @@ def _identify_group(
         "trusted": not estimate.fit_warnings,
         "refused": "",
         **parameter_row(trials, estimate),
+        **mean_levels(trials),
     }

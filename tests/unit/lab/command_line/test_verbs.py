@@ -23,7 +23,7 @@ from ankleloop.methods.registry import METHODS
 from ankleloop.trials.files import write_csv
 from ankleloop_lab.command_line import analysis
 from ankleloop_lab.command_line.analysis import identify_recordings, plan_analysis
-from ankleloop_lab.command_line.main import MISTAKE, main
+from ankleloop_lab.command_line.main import DATA, MISTAKE, SOME, main
 from ankleloop_lab.command_line.reading import map_file
 from ankleloop_lab.command_line.terminal import show_progress
 from ankleloop_lab.files.demo_files import write_recording
@@ -267,10 +267,14 @@ def test_identify_several_files(run, trial, tmp_path):
     files = sorted(tmp_path.iterdir())
     options = ("--method", "pr-moesp", "--option", "order=3", "--output", tmp_path / "results")
     result = run("identify", *files, *options)
-    assert result.status == 1
+    assert result.status == SOME
     table = pd.read_csv(tmp_path / "results" / "recordings.csv").set_index("recording")
     assert list(table["verdict"] == "refused") == [False, True, True]
     assert (tmp_path / "results" / "recordings-figure.png").stat().st_size > 1_000
+    page = (tmp_path / "results" / "index.html").read_text(encoding="utf-8")
+    assert "1 of 3 recordings have a recommended method." in page
+    assert '<a href="S1.html">S1</a>' in page
+    assert '<a href="S3.html">S3</a>:</b> S3.mat: not a readable .mat file' in page
     assert f"recording 2 of 3: S2 ({tmp_path / 'S2.h5'})\n" in result.err
     (summary,) = [line for line in result.out.splitlines() if "PR-MOESP" in line]
     assert summary.split()[:3] == ["S1", "closed", "PR-MOESP"]
@@ -316,6 +320,10 @@ def test_identify_answers_how_conditions_differ(run, tmp_path):
     assert f"{value:.4g} (" in answer
     assert "from rest to 10MVC" in answer
     assert answer.endswith("(2 subjects, paired 95 % intervals).")
+    page = (tmp_path / "results" / "index.html").read_text(encoding="utf-8")
+    assert page.index(f">{answer}<") < page.index("<img")
+    assert result.out.count("position") == 1  # files that are read alike are shown once
+    assert {"mean_torque", "mean_position"} <= set(table)
     assert (tmp_path / "results" / "comparison-figure.png").stat().st_size > 1_000
 
 
@@ -464,6 +472,25 @@ def test_study_of_recordings(run, trial, recording, tmp_path):
     assert new.read_bytes() == before
     assert run("study", new, recording, "--overwrite").status == 0
     assert new.read_bytes() != before
+
+
+def test_study_leaves_out_what_it_cannot_read(run, trial, tmp_path):
+    """What all files have alike is written once."""
+    files = []
+    for name in ("S1", "S2", "S3"):
+        files.append(tmp_path / f"{name}.mat")
+        write_recording(trial, files[-1], "matlab-5")
+    files[2].write_bytes(files[2].read_bytes()[:3000])
+    new = tmp_path / "new.yaml"
+    result = run("study", new, *files)
+    assert result.status == SOME
+    text = new.read_text(encoding="utf-8")
+    assert "# S3 is left out: S3.mat: not a readable .mat file" in text
+    study = yaml.safe_load(text)["studies"]["new"]
+    assert study["files"] == {"S1": {"file": "S1.mat"}, "S2": {"file": "S2.mat"}}
+    assert study["defaults"]["position_unit"] in ("rad", "deg")
+    assert run("study", tmp_path / "none.yaml", files[2]).status == DATA
+    assert not (tmp_path / "none.yaml").exists()
 
 
 def test_study_takes_labels_from_names(run, trial, tmp_path):

@@ -176,7 +176,14 @@ def test_a_design_is_better_within_the_same_limits(tmp_path, monkeypatch):
     assert found == pytest.approx(design.standard_errors["K"], rel=0.2)
     design.save(tmp_path / "command.csv", seed=2)
     design.save(tmp_path / "command.mat", seed=2)
-    np.testing.assert_allclose(pd.read_csv(tmp_path / "command.csv")["command"], second)
+    np.testing.assert_allclose(pd.read_csv(tmp_path / "command.csv")["command_rad"], second)
+    degrees = design.draw(2, unit="deg")
+    assert degrees.attrs["units"] == "deg"
+    np.testing.assert_allclose(degrees, np.degrees(second))
+    design.save(tmp_path / "degrees.csv", seed=2, unit="deg")
+    np.testing.assert_allclose(pd.read_csv(tmp_path / "degrees.csv")["command_deg"], degrees)
+    with pytest.raises(ValueError, match="unit must be 'rad' or 'deg'; got 'V'"):
+        design.draw(2, unit="V")
     written = scipy.io.loadmat(tmp_path / "command.mat", squeeze_me=True)
     np.testing.assert_allclose(written["command"], second)
     assert written["fs"] == 1000.0

@@ -4,8 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ankleloop import compare
 from ankleloop.joint.models import ResponseModel
 from ankleloop_lab.plotting.recordings import (
+    comparison_figure,
+    levels_figure,
     model_figure,
     recordings_figure,
     spectra_figure,
@@ -98,3 +101,25 @@ def test_a_recording_without_an_estimate_has_an_empty_row():
         assert [label.get_text() for label in axis.get_yticklabels()] == ["A1", "A2", "A3"]
         assert legend(figure) == methods
         assert figure.data["row"].tolist() == ["A1", "A2", "A3"]
+
+
+def test_differences_stand_beside_the_lines_of_subjects():
+    table = pd.DataFrame({"subject": list("abcabc"), "condition": ["rest"] * 3 + ["10MVC"] * 3})
+    table["K"] = [100.0, 120.0, 80.0, 141.0, 160.0, 122.0]
+    comparison = compare(table)
+    figure = comparison_figure(table, comparison)
+    shown = figure.data[figure.data["quantity"] == "ΔK"].iloc[0]
+    row = comparison.set_index("kind").loc["difference"]
+    assert shown[["value", "low", "high"]].tolist() == row[["value", "low", "high"]].tolist()
+    assert [axis.get_ylabel() for axis in figure.axes] == ["K [N·m/rad]", "ΔK [N·m/rad]"]
+
+
+def test_k_stands_against_where_the_joint_was_held():
+    table = pd.DataFrame({"K": [100.0, 140.0], "K_low": [95.0, 130.0], "K_high": [105.0, 150.0]})
+    levels = table.assign(mean_torque=[1.0, 9.0], mean_position=0.1, condition=["rest", "10MVC"])
+    figure = levels_figure(levels)
+    assert [axis.get_xlabel() for axis in figure.axes] == [
+        "mean torque [N·m]",
+        "mean position [rad]",
+    ]
+    assert figure.data["series"].tolist() == ["rest", "10MVC"] * 2

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -122,3 +123,25 @@ def test_a_label_may_end_as_an_attribute_of_reading(trials):
     row = table.iloc[0]
     assert (row["clinical_sign"], row["motor_unit"], row["G_label"]) == ("Babinski", 3, "stroke")
     assert not {"G", "position_sign", "sampling_rate"} & set(table)
+
+
+def test_files_are_read_by_the_options_of_read_trial(tmp_path, trials):
+    """A file that cannot be read is a row."""
+    trial = trials[0]
+    columns = {"ch1": np.degrees(trial.position), "ch2": trial.torque / 1.3558179483314004}
+    table = pd.DataFrame({**columns, "ch3": trial.reference, "t": trial.time})
+    for name in ("S1_rest.csv", "S2_rest.csv"):
+        table.to_csv(tmp_path / name, index=False)
+    (tmp_path / "S2_rest.csv").write_bytes((tmp_path / "S1_rest.csv").read_bytes()[:100_000])
+    options = {"position": "ch1", "torque": "ch2", "reference": "ch3", "torque_unit": "ft.lb"}
+    units = {"position_unit": "deg", "reference_unit": "rad"}
+    files = sorted(tmp_path.iterdir())
+    result = identify_each(files, "riv", names="{subject}_{condition}", **options, **units)
+    expected = identify_each([trial], "riv")
+    assert result["K"][0] == pytest.approx(expected["K"][0], rel=1e-6)
+    assert result["mean_torque"][0] == pytest.approx(float(trial.torque.mean()))
+    assert result["mean_position"][0] == pytest.approx(float(trial.position.mean()))
+    assert result["subject"].tolist() == ["S1", "S2"]
+    assert "the file is cut off" in result["refused"][1]
+    with pytest.raises(ValueError, match="torque_unit must be a unit such as N·m"):
+        identify_each(files, "riv", torque_unit="xyz")
