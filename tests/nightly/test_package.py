@@ -189,7 +189,7 @@ def test_the_library_alone(base, tmp_path):
     assert 'pip install "ankleloop[lab,formats]"' in text
     for words in ([base / "ankleloop"], [base / "python", "-m", "ankleloop"]):
         process = subprocess.run([*words, "demo"], cwd=tmp_path, capture_output=True, text=True)
-        assert process.returncode == 3
+        assert process.returncode == 4
         assert process.stderr.count("\n") == 1
         assert 'pip install "ankleloop[lab]"' in process.stderr
 

@@ -19,8 +19,10 @@ CLOCK_BLOCK, SHORTEST_BLOCK, FEWEST_BLOCKS = (
     6,
 )  # samples and blocks that show a clock behind jitter
 SMALLEST_SHIFT = 0.5  # sample: a smaller one leaves all samples where they are
-# Of the difference of two medians, in median absolute deviations of a sample over √N: about six standard deviations.
-SHIFT_DEVIATIONS = 16.0
+MANY_SHIFTS = 20
+# About six standard deviations of the difference of two medians: by how all differ, and by independent samples.
+SHIFT_DEVIATIONS = 9.0  # median absolute differences
+MEDIAN_DEVIATIONS = 16.0  # median absolute deviations of a sample over √N
 
 
 def parse_rate(value: ArrayLike, *, source: str) -> float:
@@ -100,8 +102,8 @@ class Clock:
 def fit_clock(times: np.ndarray) -> Clock | None:
     """Fit an even clock to times that jitter, shape (N,); None where there are too few, or none are finite.
 
-    Deviations that return are jitter, a shift that lasts is a gap: medians of the times over blocks, by two blocks
-    apart, differ by half a sample and by more than jitter explains.
+    Deviations that return are jitter, a shift that lasts is a gap: medians of the times over blocks that are two apart
+    differ by half a sample, and by much more than such medians usually do.
     """
     block = min(CLOCK_BLOCK, times.size // FEWEST_BLOCKS)
     if block < SHORTEST_BLOCK or not np.isfinite(times).all():
@@ -112,10 +114,12 @@ def fit_clock(times: np.ndarray) -> Clock | None:
         return None
     late = times / step - np.arange(times.size)  # samples
     blocks = late[: times.size // block * block].reshape(-1, block)
-    spread = float(np.median(np.abs(blocks - np.median(blocks, axis=1, keepdims=True))))
-    limit = max(SMALLEST_SHIFT, SHIFT_DEVIATIONS * spread / np.sqrt(block))
     medians = np.median(np.vstack([blocks, late[-block:]]), axis=1)
     shifts = np.abs(medians[2:] - medians[:-2])
+    spread = float(np.median(np.abs(blocks - medians[:-1, None]))) / np.sqrt(block)
+    limit = max(SMALLEST_SHIFT, MEDIAN_DEVIATIONS * spread)
+    if shifts.size >= MANY_SHIFTS:  # of few, a gap is in most
+        limit = max(limit, SHIFT_DEVIATIONS * float(np.median(shifts)))
     shift = None
     if np.any(shifts > limit):
         first = int(np.argmax(shifts > limit)) * block

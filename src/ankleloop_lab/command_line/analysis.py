@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import textwrap
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -36,6 +37,7 @@ from ankleloop_lab.results import analyse_recording
 
 # Of several recordings; figures are `NAME-figure.png`.
 PAGE, TABLE, COMPARISON = "index.html", "recordings.csv", "comparison.csv"
+MOST_CHARACTERS = 110  # of a reason
 MOST_SHOWN = 12  # recordings of which a terminal has a line each
 
 
@@ -261,6 +263,10 @@ def _show_summary(
         remarks = recommended.set_index("recording")["interval_remark"].dropna()
         for name, remark in remarks[remarks != ""].items():
             echo(f"{name}: intervals reach further to one side: {remark}")
+    if len(cells) > MOST_SHOWN:  # others have been shown as they were identified
+        echo()
+        for name, reason in list(left_out.items())[:MOST_SHOWN]:
+            echo(textwrap.shorten(f"{name}: {reason}", MOST_CHARACTERS, placeholder=" …"))
     if left_out:
         names = [*sorted(left_out)[:MOST_SHOWN]]
         more = f" and {len(left_out) - len(names)} more" if len(left_out) > len(names) else ""

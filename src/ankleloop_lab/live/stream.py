@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ankleloop.signals.sampling import RATE_TOLERANCE
+from ankleloop.signals.sampling import RATE_TOLERANCE, fit_clock
 from ankleloop_lab.live.record import Record
 
 REST = 2.0  # s: no perturbation stands still for so long
@@ -25,7 +25,7 @@ class Stream:
         # Times follow their stamps by this share, so that none is less than half an interval after the one before.
         self._following = 0.5 / rate / self._tolerance
         self._offset: float | None = None  # of times from stamps [s]; None before the first one
-        self._ring = np.empty((round(memory * rate), 4))
+        self._ring = np.empty((round(memory * rate), 5))  # the stamps last
         self._count = 0  # samples that follow one another
         self._fault = ""  # why the last samples begin where they do
         self._is_repeated = False  # whether samples came twice or late
@@ -33,6 +33,10 @@ class Stream:
     @property
     def samples(self) -> np.ndarray:
         """The last samples that follow one another, shape (N, 4): time [s], position, torque and reference."""
+        return self._follow()[:, :4]
+
+    def _follow(self) -> np.ndarray:
+        """The last samples that follow one another, with their stamps, as a copy."""
         if self._count < len(self._ring):
             return self._ring[: self._count].copy()
         return np.roll(self._ring, -self._count, axis=0)
@@ -60,7 +64,8 @@ class Stream:
         elif not math.isnan(stamp):
             if self._record:
                 self._record.add(channels, is_first=self._count == 0)
-            self._ring[self._count % len(self._ring)] = (self.end, *channels)
+            stamp += self._offset or 0.0
+            self._ring[self._count % len(self._ring)] = (self.end, *channels, stamp)
             self._count += 1
         self.end += 1.0 / self._rate
 
@@ -73,13 +78,17 @@ class Stream:
         """Whether this sample has come already, at this time."""
         kept = self._ring[: self._count]
         is_near = np.abs(kept[:, 0] - (self.end + late)) <= self._tolerance
-        return bool(np.any(np.all(kept[is_near, 1:] == channels, axis=1)))
+        return bool(np.any(np.all(kept[is_near, 1:4] == channels, axis=1)))
 
     def list_faults(self) -> Iterator[str]:
         """What is wrong with the samples that have come."""
         start = self._ring[0, 0]
         if 0 < self._count < len(self._ring) and start > 0.0:
             yield f"{self._fault} before {start:.6g} s."
+        times = self._follow()[:, 4]
+        clock = fit_clock(times)  # by the rule of files
+        if clock is not None and clock.shift is not None:
+            yield f"samples are missing: stamps shift near {times[clock.shift]:.6g} s, and do not return."
         if self._is_repeated:
             yield "samples that came twice or late were left out."
         self._is_repeated = False

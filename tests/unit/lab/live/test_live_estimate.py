@@ -108,6 +108,16 @@ def test_stamps_that_jitter_show_the_gaps_alone(channels):
     assert not history["warnings"].str.contains("samples come").any()
 
 
+def test_a_gap_within_the_jitter_is_said_where_stamps_do_not_return(channels):
+    """By the rule of files: 20 ms of samples are missing, and stamps may be off by 50 ms."""
+    channels[3] += np.repeat(np.random.default_rng(1).uniform(0.0, 0.002, 800), 30)
+    whole = follow(channels, jitter=0.05).history
+    assert not whole["warnings"].str.contains("samples are missing").any()
+    history = follow(np.delete(channels, slice(6000, 6020), axis=1), jitter=0.05).history
+    warned = history["warnings"].str.contains("stamps shift near 6", regex=False)
+    assert warned.tolist() == [False] * 3 + [True] * (len(history) - 3)
+
+
 @pytest.mark.parametrize("back", [100.0, 10.0])
 def test_clock_that_is_set_back_begins_anew(channels, back):
     """Also by less than the window, as of a sender that was started again."""
