@@ -11,6 +11,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare_trials
 from ankleloop.methods import moesp, parallel_cascade, real_time
+from ankleloop.methods.ensemble import ensemble
 from ankleloop.methods.entry_points import GROUP, find_entry_points, name_package
 from ankleloop.methods.method import POSITION, Method, Trial
 from ankleloop.methods.riv import riv
@@ -19,7 +20,7 @@ from ankleloop.methods.selection import check_selection, select_options
 from ankleloop.options import suggest_name
 
 # In the order in which methods are preferred where the data cannot tell them apart: the fewest parameters first.
-FAMILIES = (riv, moesp, parallel_cascade, real_time, riv_tv)
+FAMILIES = (riv, moesp, parallel_cascade, real_time, riv_tv, ensemble)
 METHODS: Mapping[str, Method] = {
     method.name: method for module in FAMILIES for method in module.METHODS
 }

@@ -1,0 +1,161 @@
+"""How right `ensemble` is, and how often its intervals hold, beside least squares of the means and `riv`.
+
+`make benchmark ARGS=ensembles` writes the tables; `python benchmarks/ensembles.py --count 40` shows some rows.
+"""
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from scipy import special
+from tools import format_table
+from windows import BEFORE, LIGHT, STIFF, TRUTH, Ensemble, simulate_ensemble, simulate_record
+
+from ankleloop import DataError, identify
+
+FEW = {"nominal": 30, "up": 15}
+ROWS = {
+    "light, 0.5": Ensemble(),
+    "light, 3": Ensemble(voluntary=3.0),
+    "stiff, 0.5": Ensemble(load=STIFF),
+    "stiff, 3": Ensemble(load=STIFF, voluntary=3.0),
+    "light, 3, 15/30": Ensemble(voluntary=3.0, trials=FEW),
+    "light, 1.5, moving": Ensemble(voluntary=1.5, moving=True),
+    "light, 1.5, K ± 10 % between trials": Ensemble(voluntary=1.5, stiffness_scatter=0.1),
+    "light, 3, pulse of 150 ms": Ensemble(voluntary=3.0, command="pulse"),
+}
+SEQUENCES = {str(number): 10 for number in range(4)}
+OWN = {"nominal": 40, **{str(number): 1 for number in range(40)}}
+# What the model lacks, or what an experiment does wrong.
+FAULTS = {
+    "threshold of the reflex, 0.1 rad/s": Ensemble(voluntary=1.5, threshold=0.1),
+    "reaction of 2 N·m from 130 ms on": Ensemble(voluntary=1.5, reaction=2.0),
+    "short-range stiffness, 150 N·m/rad in 5 mrad": Ensemble(voluntary=1.5, short_range=150.0),
+    "perturbed trials differ by 1 N·m before": Ensemble(voluntary=1.5, difference=1.0),
+    "onsets wrong by 10 ms": Ensemble(voluntary=1.5, jitter=0.01),
+    "no reflex": Ensemble(voluntary=1.5, gain=0.0),
+    "K rises by 40 % in 0.25 s": Ensemble(stiffness_slope=1.6),
+    "K ± 30 % between trials": Ensemble(voluntary=1.5, stiffness_scatter=0.3),
+    "four sequences, ten trials each": Ensemble(
+        voluntary=1.5, command="sequences", trials=SEQUENCES, after=0.65
+    ),
+}
+NAMES = ("K", "B", "I", "G")
+MEASURED = (*NAMES, "omega_n", "zeta", "delay")
+
+
+def fit_least_squares(windows, duration):
+    """K, B and I of perturbed less nominal means over a time from the onset, and whether the usual interval has K."""
+    perturbed, nominal = (
+        [part for part in windows if (part.attrs["condition"] == "nominal") is is_nominal]
+        for is_nominal in (False, True)
+    )
+    means = [
+        np.mean([part[name].values for part in perturbed], axis=0)
+        - np.mean([part[name].values for part in nominal], axis=0)
+        for name in ("position", "torque")
+    ]
+    smooth = np.exp(-0.5 * (np.arange(-9, 10) / 3.0) ** 2)  # 50 Hz
+    position, torque = (np.convolve(mean, smooth / smooth.sum(), "same") for mean in means)
+    columns = [position, np.gradient(position, 1e-3)]
+    columns.append(np.gradient(columns[1], 1e-3))
+    first = round(BEFORE * 1000)
+    rows = slice(first, first + round(duration * 1000))
+    matrix = np.array(columns).T[rows]
+    target = torque[rows]
+    values, square, *_ = np.linalg.lstsq(matrix, target, rcond=None)
+    freedom = target.size - 3
+    variance = square.item() / freedom * np.linalg.inv(matrix.T @ matrix)[0, 0]
+    margin = special.stdtrit(freedom, 0.975) * np.sqrt(variance)
+    return {
+        f"K {duration}": values[0],
+        f"B {duration}": values[1],
+        f"covered {duration}": abs(values[0] - TRUTH["K"]) <= margin,
+    }
+
+
+def measure_one(settings, seed, truth=TRUTH, **options):
+    """Estimates, coverage and warnings of an ensemble, as a row."""
+    windows = simulate_ensemble(settings, seed)
+    row = {"refused": False, "converged": False}
+    row |= fit_least_squares(windows, 0.1) | fit_least_squares(windows, 0.06)
+    start = time.process_time()
+    try:
+        estimate = identify(windows, "ensemble", **options)
+    except DataError:
+        return row | {"refused": True}
+    row["seconds"] = time.process_time() - start
+    diagnostics = estimate.diagnostics
+    row |= {name: diagnostics[name] for name in ("converged", "strength", "movement_p", "balance_p")}
+    row |= {
+        "score": diagnostics["reflex_score"],
+        "warned": bool(estimate.warnings),
+        "passive": "omega_n" not in estimate.values,
+    }
+    for name, value in estimate.values.items():
+        row[name] = value
+        if name in estimate.intervals:
+            low, high = estimate.intervals[name]
+            row[f"{name} width"] = 0.5 * (high - low)
+            row[f"{name} covered"] = bool(low <= truth.get(name, np.nan) <= high)
+    return row
+
+
+def measure_rows(rows, count, seed=1000, **options):
+    """A row for each ensemble of each kind."""
+    parts = []
+    for kind, settings in rows.items():
+        found = [measure_one(settings, seed + number, **options) for number in range(count)]
+        parts.append(pd.DataFrame(found).assign(kind=kind))
+        print(kind, summarise(parts[-1]), flush=True)
+    return pd.concat(parts, ignore_index=True)
+
+
+def summarise(table):
+    """Bias, spread and coverage of the converged estimates of a kind [%]."""
+    good = table[table["converged"].astype(bool)]
+    cells = {"converged": f"{len(good)} of {len(table)}", "refused": int(table["refused"].sum())}
+    for name in MEASURED if len(good) else ():
+        if name not in good:
+            continue
+        errors = 100.0 * (good[name] / TRUTH[name] - 1.0)
+        text = f"{errors.mean():+.1f} ± {errors.std():.1f}"
+        if f"{name} covered" in good:
+            text += f" {good[f'{name} covered'].dropna().mean():.2f}"
+        cells[name] = text
+    if len(good):
+        error = 100.0 * (good["G"].median() / TRUTH["G"] - 1.0)
+        cells["median of G"] = f"{error:+.1f}"
+        cells["score"] = f"{good['score'].median():.1f}"
+        cells["warned"] = f"{good['warned'].mean():.2f}"
+        low = good["score"] < 4.0
+        cells["low scores warned"] = f"{good['warned'][low].sum()} of {low.sum()}"
+        cells["incomplete"] = f"{(good['movement_p'] <= 0.01).mean():.2f}"
+        cells["passive"] = int(good["passive"].sum())
+        cells["strength"] = f"{good['strength'].min():.1f} … {good['strength'].max():.0f}"
+    for duration in (0.1, 0.06):
+        k = 100.0 * (table[f"K {duration}"] / TRUTH["K"] - 1.0)
+        b = 100.0 * (table[f"B {duration}"] / TRUTH["B"] - 1.0)
+        covered = table[f"covered {duration}"].mean()
+        cells[f"LS {duration}"] = f"{k.mean():+.0f} ± {k.std():.0f} ({covered:.2f}) / {b.mean():+.0f}"
+    return cells
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument("--rows", nargs="*")
+    parser.add_argument("--save")
+    arguments = parser.parse_args()
+    kinds = {**ROWS, **FAULTS}
+    chosen = {name: kinds[name] for name in arguments.rows or ROWS}
+    table = measure_rows(chosen, arguments.count, arguments.seed)
+    if arguments.save:
+        table.to_csv(arguments.save, index=False)
+
+
+if __name__ == "__main__":
+    main()
