@@ -87,8 +87,7 @@ class EnsembleEquations:
     def find_start(self) -> tuple[Parameters, np.ndarray]:
         """Best of a grid of dynamics for the differences of the means of the conditions; and offsets, shape (C - 1,)."""
         windows = self.windows
-        scatter = self.torque - windows.average(self.torque)[windows.groups]
-        whitening = whiten(scatter)
+        whitening = whiten(self.torque, windows.groups)
         target = (self._contrast(self.torque) @ whitening).ravel()
         delays = ("delay",) if self.options.delay is None else ()
         smallest = np.inf
@@ -128,31 +127,39 @@ class EnsembleEquations:
         return own - (total - columns) / (columns.shape[1] - 1.0)
 
     def find_weights(self, residual: np.ndarray) -> np.ndarray:
-        """Whitening matrix of each trial, by the covariance of the residual of the trials of the other folds.
+        """Whitening matrix of each trial, by the covariance of the residual in the trials of the other folds.
 
         Each condition is spread evenly over the folds.
 
         Shapes: residual (trials, T); returns (trials, T, T).
         """
-        order = np.argsort(self.windows.groups, kind="stable")
+        groups = self.windows.groups
+        order = np.argsort(groups, kind="stable")
         folds = np.empty(order.size, int)
         folds[order] = np.arange(order.size) % FOLDS
-        matrices = np.array([whiten(residual[folds != fold]) for fold in range(FOLDS)])
+        others = [folds != fold for fold in range(FOLDS)]
+        matrices = np.array([whiten(residual[rest], groups[rest]) for rest in others])
         return matrices[folds]
 
 
-def whiten(residual: np.ndarray) -> np.ndarray:
+def whiten(residual: np.ndarray, groups: np.ndarray) -> np.ndarray:
     """Matrix by which a residual of trials becomes white over the window.
 
-    Its covariance over the trials is shrunk to that of stationary noise, the more the fewer trials there are.
+    Its covariance is that within the conditions, on which a wrong model has little influence. The fewer trials there are,
+    the more it is shrunk to one that has the directions of stationary noise, those of its Toeplitz part, which need not
+    be positive itself, with the variances along them.
 
-    Shapes: residual (trials, T); returns (T, T).
+    Shapes: residual (trials, T), groups (trials,); returns (T, T).
     """
     trials, samples = residual.shape
-    deviations = residual - residual.mean(axis=0)
-    covariance = deviations.T @ deviations / (trials - 1.0)
+    members = groups == np.unique(groups)[:, None]
+    means = members @ residual / members.sum(axis=1, keepdims=True)
+    deviations = residual - members.T @ means
+    covariance = deviations.T @ deviations / (trials - len(members))
     diagonals = [covariance.diagonal(lag).mean() for lag in range(samples)]
+    directions = np.linalg.eigh(linalg.toeplitz(diagonals))[1]
+    variances = np.sum(directions * (covariance @ directions), axis=0)
     share = samples / (samples + trials)
-    shrunk = (1.0 - share) * covariance + share * linalg.toeplitz(diagonals)
+    shrunk = (1.0 - share) * covariance + share * (directions * variances) @ directions.T
     values, vectors = np.linalg.eigh(shrunk)
     return vectors / np.sqrt(np.maximum(values, POWER_FLOOR * values[-1]))

@@ -82,10 +82,34 @@ class EnsembleSolution:
         """Matrix of the equations, shape (unknowns, unknowns)."""
         return self.trial_normals.sum(axis=0)
 
-    @property
-    def step(self) -> np.ndarray:
-        """Step of the unknowns that solves the equations if the columns stay, shape (unknowns,)."""
-        return solve_scaled(self.normal, self.contributions.sum(axis=0))
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Matrix of the equations with the means of all trials of a condition as instruments, shape as `normal`.
+
+        Unlike `normal` it is positive, and it says as little of the noise as there are many trials.
+        """
+        windows = self.equations.windows
+        means = windows.average(self.columns) - self.columns.mean(axis=1, keepdims=True)
+        white = self._whiten(means[:, windows.groups])
+        return np.einsum("pnt,qnt->pq", white, white, optimize=True)
+
+    def find_step(self) -> np.ndarray:
+        """Step of the unknowns that goes towards the solution, shape (unknowns,).
+
+        That of Gauss and Newton, which `information` damps where the instruments are weak. Dynamics and delay move by no
+        more than they may, and the others go with them.
+        """
+        size = self.parameters.linear.size
+        side = self.contributions.sum(axis=0)
+        step = solve_scaled(self.information, side)
+        largest = np.array([LARGEST_STEPS[name] for name in self.parameters.unknowns])
+        bound = slice(size, size + largest.size)
+        limited = np.clip(step[bound], -largest, largest)
+        free = np.delete(np.arange(step.size), np.arange(size, size + largest.size))
+        rest = side[free] - self.information[free, bound] @ limited
+        step[free] = solve_scaled(self.information[np.ix_(free, free)], rest)
+        step[bound] = limited
+        return step
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -163,15 +187,11 @@ class EnsembleSolution:
         return float(np.mean(sizes >= sizes[0]))
 
     def advance(self, step: np.ndarray) -> EnsembleSolution:
-        """Solution after a step of the unknowns, whose dynamics and delay move by no more than they may."""
-        parameters = self.parameters
-        size = parameters.linear.size + len(parameters.unknowns)
-        largest = [LARGEST_STEPS[name] for name in parameters.unknowns]
-        limits = np.concatenate([np.full(parameters.linear.size, np.inf), largest])
-        limited = np.clip(step[:size], -limits, limits)
+        """Solution after a step of the unknowns."""
+        size = step.size - self.offsets.size
         return EnsembleSolution(
             equations=self.equations,
-            parameters=parameters.add(limited).limit_delay(self.equations.delay),
+            parameters=self.parameters.add(step[:size]).limit_delay(self.equations.delay),
             offsets=self.offsets + step[size:],
         )
 
@@ -193,7 +213,7 @@ def _search(solution: EnsembleSolution) -> EnsembleSolution:
     unknowns = solution.parameters.unknowns
     largest = np.array([LARGEST_STEPS[name] for name in unknowns])
     for number in range(1, MOST_ROUNDS + 1):
-        step = solution.step
+        step = solution.find_step()
         errors = np.sqrt(np.diag(solution.covariance))
         moves = np.abs(step[size : size + len(unknowns)])
         small = np.all(np.abs(step) <= CONVERGED * errors)
