@@ -52,16 +52,17 @@ def fit_least_squares(windows, duration):
         [part for part in windows if (part.attrs["condition"] == "nominal") is is_nominal]
         for is_nominal in (False, True)
     )
-    means = [
-        np.mean([part[name].values for part in perturbed], axis=0)
-        - np.mean([part[name].values for part in nominal], axis=0)
-        for name in ("position", "torque")
-    ]
+    first = round(BEFORE * 1000)
+    means = []
+    for name in ("position", "torque"):
+        mean, other = (
+            np.mean([part[name].values for part in parts], axis=0) for parts in (perturbed, nominal)
+        )
+        means.append(mean - other - np.mean((mean - other)[first - 50 : first]))
     smooth = np.exp(-0.5 * (np.arange(-9, 10) / 3.0) ** 2)  # 50 Hz
     position, torque = (np.convolve(mean, smooth / smooth.sum(), "same") for mean in means)
     columns = [position, np.gradient(position, 1e-3)]
     columns.append(np.gradient(columns[1], 1e-3))
-    first = round(BEFORE * 1000)
     rows = slice(first, first + round(duration * 1000))
     matrix = np.array(columns).T[rows]
     target = torque[rows]

@@ -19,7 +19,6 @@ STEP = 2e-4  # s
 STEPS = 5  # in a recorded sample
 BEFORE, AFTER = 0.3, 0.45  # s of the windows about the onset
 SETTLING = 1.2  # s before the onset in which the joint comes to its movement
-SERVO = (2 * np.pi * 20.0, 0.8)  # natural frequency [rad/s] and damping
 AMPLITUDE = 0.05  # rad, of a ramp
 RISE = 0.06  # s
 STATES = 7  # servo, load and reflex with their rates; short-range element
@@ -113,9 +112,9 @@ def make_command(kind, name, time, generator):
 
 
 def voluntary_torque(shape, generator):
-    """Noise of unit variance through a Bessel low-pass of second order at 2 Hz, held over a sample of 1 ms."""
+    """Noise of unit variance through a Butterworth low-pass of second order at 2 Hz, at 1 kHz."""
     burn = 2000
-    sections = signal.bessel(2, 2.0, fs=1000.0, output="sos", norm="mag")
+    sections = signal.butter(2, 2.0, fs=1000.0, output="sos")
     noise = generator.standard_normal((shape[0], shape[1] + burn))
     impulse = signal.sosfilt(sections, np.eye(1, 20_000)[0])
     return signal.sosfilt(sections, noise, axis=1)[:, burn:] / np.linalg.norm(impulse)

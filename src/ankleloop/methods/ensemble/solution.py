@@ -16,6 +16,7 @@ from ankleloop.signals.least_squares import TINY, solve_scaled
 
 MOST_ROUNDS = 20
 FEWEST_ROUNDS = 3
+FULL_ROUNDS = 6  # with whole steps
 PERMUTATIONS = 199
 PERMUTATION_SEED = 20
 
@@ -86,7 +87,7 @@ class EnsembleSolution:
     def information(self) -> np.ndarray:
         """Matrix of the equations with the means of all trials of a condition as instruments, shape as `normal`.
 
-        Unlike `normal` it is positive, and it says as little of the noise as there are many trials.
+        Unlike `normal` it is positive, and it says
         """
         windows = self.equations.windows
         means = windows.average(self.columns) - self.columns.mean(axis=1, keepdims=True)
@@ -220,5 +221,6 @@ def _search(solution: EnsembleSolution) -> EnsembleSolution:
         negligible = np.max(moves / largest, initial=0.0) < NEGLIGIBLE_STEP
         if number > FEWEST_ROUNDS and (small or negligible):
             return replace(solution, converged=True)
-        solution = solution.advance(step)
+        # Weights that follow the residual can make the rounds swing about a solution.
+        solution = solution.advance(step if number <= FULL_ROUNDS else 0.5 * step)
     return solution
