@@ -5,13 +5,11 @@
 
 import argparse
 import time
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 from scipy import special
-from tools import format_table
-from windows import BEFORE, LIGHT, STIFF, TRUTH, Ensemble, simulate_ensemble, simulate_record
+from windows import BEFORE, STIFF, TRUTH, Ensemble, simulate_ensemble
 
 from ankleloop import DataError, identify
 
@@ -89,7 +87,9 @@ def measure_one(settings, seed, truth=TRUTH, **options):
         return row | {"refused": True}
     row["seconds"] = time.process_time() - start
     diagnostics = estimate.diagnostics
-    row |= {name: diagnostics[name] for name in ("converged", "strength", "movement_p", "balance_p")}
+    row |= {
+        name: diagnostics[name] for name in ("converged", "strength", "movement_p", "balance_p")
+    }
     row |= {
         "score": diagnostics["reflex_score"],
         "warned": bool(estimate.warnings),
@@ -140,7 +140,9 @@ def summarise(table):
         k = 100.0 * (table[f"K {duration}"] / TRUTH["K"] - 1.0)
         b = 100.0 * (table[f"B {duration}"] / TRUTH["B"] - 1.0)
         covered = table[f"covered {duration}"].mean()
-        cells[f"LS {duration}"] = f"{k.mean():+.0f} ± {k.std():.0f} ({covered:.2f}) / {b.mean():+.0f}"
+        cells[f"LS {duration}"] = (
+            f"{k.mean():+.0f} ± {k.std():.0f} ({covered:.2f}) / {b.mean():+.0f}"
+        )
     return cells
 
 

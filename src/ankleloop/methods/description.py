@@ -17,6 +17,10 @@ SOURCES = {
         "refined instrumental variables with splines of the parameters",
         "Young 2011; Guarin and Kearney 2017",
     ),
+    "ensemble": (
+        "instrumental variables from the conditions of short windows",
+        "Angrist, Imbens and Krueger 1999",
+    ),
     "pr-moesp": ("the subspace method PR-MOESP", "Zhao, Ludvig and Kearney 2008"),
     "eiv-moesp": ("the subspace method EIV-MOESP", "Chou and Verhaegen 1997"),
     "pi-moesp": ("the subspace method PI-MOESP", "Verhaegen 1993"),
@@ -31,6 +35,7 @@ SOURCES = {
 INTERVALS = {
     "asymptotic": "from the asymptotic covariance",
     "robust": "robust against what the model lacks",
+    "influence of trials": "from the influence of each trial",
     "between trials": "from the scatter between the trials, for the mean over all such trials",
 }
 
@@ -45,18 +50,25 @@ def describe_methods(estimate: Estimate) -> str:
     rate = estimate.torque.attrs["identification_rate"]
     trials = len(split_torques(estimate.torque))
     records = f"{trials} merged trials" if trials > 1 else "one trial"
+    duration = f"{estimate.torque.sizes['time'] / rate:.0f} s after filters"
+    if estimate.conditions:
+        counts = [f"{count} of {name}" for name, count in estimate.conditions.items()]
+        start, end = (1000 * time for time in diagnostics["window"])
+        records = f"{sum(estimate.conditions.values())} trials ({', '.join(counts)})"
+        duration = f"{start:.0f} to {end:.0f} ms from the onset"
     has_reflex = bool(estimate.torque["reflex"].any())
     paths = "Intrinsic and reflex stiffness were" if has_reflex else "Intrinsic stiffness was"
     sentences = [
-        f"{paths} estimated by {method} from {records}, "
-        f"{estimate.torque.sizes['time'] / rate:.0f} s after filters, at {rate:g} Hz.",
+        f"{paths} estimated by {method} from {records}, {duration}, at {rate:g} Hz.",
     ]
     if has_reflex:
         delay = "estimated" if "delay" in estimate.intervals else "assumed"
         sentences.append(
             f"The reflex delay was {delay} ({1000 * estimate.reflex['delay']:.0f} ms)."
         )
-    if "reference" in diagnostics:
+    if estimate.conditions:
+        sentences.append("The instrument was the condition, what was commanded in each trial.")
+    elif "reference" in diagnostics:
         sentences.append(f"Instruments were made of the variable {diagnostics['reference']}.")
     kind = diagnostics.get("intervals")
     if kind in INTERVALS:

@@ -165,7 +165,8 @@ def _check_lengths(method: Method, trials: Sequence[PreparedTrial], options: Any
         if duration < needed:
             raise DataError(
                 f"trial {number} of {len(trials)} is too short to be merged by {method.name}: it has "
-                f"{duration:.3g} s, and each has to last {ceil(10.0 * needed) / 10.0:g} s or more."
+                f"{duration:.3g} s, and each has to last {ceil(10.0 * needed) / 10.0:g} s or more. Short windows "
+                "around perturbations are for the method ensemble."
             )
 
 
@@ -173,9 +174,9 @@ def _check_lengths(method: Method, trials: Sequence[PreparedTrial], options: Any
 class Method:
     """A method under its name.
 
-    Calling it with a trial and options by name identifies; see `ankleloop.identify`, whose errors it raises. It prepares
-    the data, checks them, and calls its function. Preparation and checks are those of whole records unless it names
-    others.
+    Calling it with a trial and options by name identifies; see `ankleloop.identify`, whose errors it raises. It
+    prepares the data, checks them, and calls its function. Preparation and checks are those of whole records unless it
+    names others.
 
     Parameters
     ----------
@@ -244,6 +245,11 @@ class Method:
         if MEASURED not in torque:  # those that are means over trials have it
             torque = add_measured(torque, trials)
         return replace(estimate, method=self.name, torque=torque, diagnostics=diagnostics)
+
+    @property
+    def takes_records(self) -> bool:
+        """Whether it takes whole records, and no windows or other kind of data."""
+        return self.prepare is prepare_records
 
     def holds_in_closed_loop(self, options: Options) -> bool:
         """Whether an estimate with some options is valid where torque is fed back."""

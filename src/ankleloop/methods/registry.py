@@ -24,6 +24,7 @@ FAMILIES = (riv, moesp, parallel_cascade, real_time, riv_tv, ensemble)
 METHODS: Mapping[str, Method] = {
     method.name: method for module in FAMILIES for method in module.METHODS
 }
+RECORD_METHODS = {name: method for name, method in METHODS.items() if method.takes_records}
 DEFAULT = "riv"  # where there is a reference; without one no method is valid whatever the loop
 
 

@@ -90,9 +90,7 @@ def cut(
     ]
 
 
-def _find_samples(
-    record: xr.Dataset, onsets: str | Sequence[float], rate: float
-) -> np.ndarray:
+def _find_samples(record: xr.Dataset, onsets: str | Sequence[float], rate: float) -> np.ndarray:
     """Samples of the onsets."""
     if isinstance(onsets, str):
         level = _require(record, onsets, "onsets")
@@ -107,9 +105,7 @@ def _find_samples(
     return np.rint((times - record["time"].values[0]) * rate).astype(int)
 
 
-def _find_conditions(
-    record: xr.Dataset, condition: Conditions, samples: np.ndarray
-) -> list[str]:
+def _find_conditions(record: xr.Dataset, condition: Conditions, samples: np.ndarray) -> list[str]:
     """Names of the conditions of the windows."""
     if isinstance(condition, str):
         values = _require(record, condition, "condition")[samples].tolist()
@@ -148,9 +144,10 @@ def _check_places(
     for number, sample in enumerate(samples.tolist(), 1):
         if sample + first < 0 or sample + last > time.size:
             raise DataError(
-                f"onset {number} of {samples.size}, at {time[0] + sample / rate:g} s, is too near to an end of the record "
-                f"({time[0]:g} to {time[-1]:g} s): its window and the filters take {-first / rate:g} s before it and "
-                f"{last / rate:g} s after it. Leave it out; onsets are in seconds of the record."
+                f"onset {number} of {samples.size}, at {time[0] + sample / rate:g} s, is too near to an end of the "
+                f"record, which goes from {time[0]:g} to {time[-1]:g} s: its window and the filters take "
+                f"{-first / rate:g} s before it and {last / rate:g} s after it. Leave it out; onsets are in seconds of "
+                "the record."
             )
     ordered = np.sort(samples)
     near = np.flatnonzero(np.diff(ordered) < length)

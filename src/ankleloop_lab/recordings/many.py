@@ -38,6 +38,9 @@ READ = {
     "position_unit_of_file",
     "torque_unit_of_file",
     "gaps",
+    "onset",
+    "window_start",
+    "window_end",
 }
 SIMULATED = {
     "seed",

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import xarray as xr
 
+from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import NO_REFLEX
 from ankleloop.joint.intervals import Uncertainty
@@ -20,7 +22,6 @@ from ankleloop.methods.ensemble.solution import (
 )
 from ankleloop.methods.ensemble.windows import Windows, check_windows, prepare_windows
 from ankleloop.methods.method import Method, Validity
-from ankleloop.errors import DataError
 
 WEAKEST = 2.0  # F statistic of instruments that say nothing; good ensembles have 17 and more
 WEAK = 10.0  # of weak ones (Staiger and Stock 1997)
@@ -82,8 +83,14 @@ def identify_ensemble(trials: Sequence[PreparedTrial], options: EnsembleOptions)
     --------
     >>> import numpy as np
     >>> from ankleloop import cut, identify, simulate
-    >>> trial = simulate(seed=1, duration=60.0, voluntary=0.1)
-    >>> rises = np.flatnonzero(np.diff(trial["reference"].values) > 0.01) / 1000.0
+    >>> trial = simulate(seed=1, duration=100.0, voluntary=0.1)
+    >>> onsets = np.arange(1.0, 98.0, 0.6)  # at which the command goes up or down
+    >>> levels = np.sign(trial["reference"].sel(time=onsets + 0.05, method="nearest")).values
+    >>> windows = cut(trial, onsets, window=(-0.1, 0.15), condition=levels)
+    >>> estimate = identify(windows, "ensemble", slope=False, delay=0.04)
+    >>> low, high = estimate.intervals["K"]
+    >>> low < 150.0 < high
+    True
     """
     windows = Windows.of(trials, options)
     balance_p = windows.balance_p
@@ -93,7 +100,7 @@ def identify_ensemble(trials: Sequence[PreparedTrial], options: EnsembleOptions)
     if strength < WEAKEST:
         raise DataError(
             f"the conditions differ too little to be instruments: their F statistic is {strength:.2g}, and {WEAK:g} is "
-            "needed. Trials of a condition have to have the same command at the same time after the onset: repeat a few "
+            "needed. Trials of a condition have the same command at the same time after the onset: repeat a few "
             "sequences, cut at the recorded command, perturb more strongly."
         )
     return _estimate(windows, solution, options, balance_p, strength)
@@ -153,7 +160,7 @@ def _estimate(
     )
 
 
-def _average_torques(windows: Windows, solution: EnsembleSolution):
+def _average_torques(windows: Windows, solution: EnsembleSolution) -> xr.Dataset:
     """Torques of each condition, means over its trials, less what is the same in all trials."""
     linear = solution.parameters.linear
     size = linear.size - 1  # G is the last one
@@ -199,10 +206,14 @@ def _warnings(
         )
     if balance_p < UNBALANCED:
         warnings.append(
-            "the conditions differ before the onset, so they are not at random: was the perturbation foreseen? Each has "
-            "an offset of its own."
+            "the conditions differ before the onset, so they are not at random: was the perturbation foreseen? Each "
+            "has an offset of its own."
         )
-    if solution.converged and not solution.parameters.passive and solution.reflex_score < CERTAIN_REFLEX:
+    if (
+        solution.converged
+        and not solution.parameters.passive
+        and solution.reflex_score < CERTAIN_REFLEX
+    ):
         warnings.append(
             f"G is {solution.reflex_score:.2g} times its standard error, and its interval is not symmetric below "
             f"{CERTAIN_REFLEX:g}: record more trials to say something of the reflex."

@@ -85,14 +85,16 @@ class EnsembleEquations:
         return np.concatenate([self.intrinsic, self._filter(spectra, self.rectified), self.offsets])
 
     def find_start(self) -> tuple[Parameters, np.ndarray]:
-        """Best of a grid of dynamics for the differences of the means of the conditions; and offsets, shape (C - 1,)."""
+        """Best of a grid of dynamics for the differences of the means of the conditions; offsets, shape (C - 1,)."""
         windows = self.windows
         whitening = whiten(self.torque, windows.groups)
         target = (self._contrast(self.torque) @ whitening).ravel()
         delays = ("delay",) if self.options.delay is None else ()
         smallest = np.inf
         for dynamics in GRIDS[2]:
-            unit = Parameters(np.append(np.zeros(len(self.intrinsic)), 1.0), dynamics, delays=delays)
+            unit = Parameters(
+                np.append(np.zeros(len(self.intrinsic)), 1.0), dynamics, delays=delays
+            )
             size = unit.linear.size
             columns = np.concatenate([self.columns(unit)[:size], self.offsets])
             rows = (self._contrast(columns) @ whitening).reshape(len(columns), -1).T
@@ -145,9 +147,9 @@ class EnsembleEquations:
 def whiten(residual: np.ndarray, groups: np.ndarray) -> np.ndarray:
     """Matrix by which a residual of trials becomes white over the window.
 
-    Its covariance is that within the conditions, on which a wrong model has little influence. The fewer trials there are,
-    the more it is shrunk to one that has the directions of stationary noise, those of its Toeplitz part, which need not
-    be positive itself, with the variances along them.
+    Its covariance is that within the conditions, on which a wrong model has little influence. The fewer trials there
+    are, the more it is shrunk to one that has the directions of stationary noise, those of its Toeplitz part, which
+    need not be positive itself, with the variances along them.
 
     Shapes: residual (trials, T), groups (trials,); returns (T, T).
     """

@@ -45,7 +45,7 @@ class EnsembleOptions(MethodOptions):
     )
     offsets: bool | None = option(
         None,
-        "whether the torque of each condition has an offset of its own; null: if the conditions differ before the onset",
+        "whether the torque of each condition has an offset of its own; null: where they differ before the onset",
     )
 
     @field_validator("onsets", "condition", "window", mode="before")

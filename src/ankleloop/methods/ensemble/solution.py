@@ -27,7 +27,9 @@ class EnsembleSolution:
 
     equations: EnsembleEquations
     parameters: Parameters
-    offsets: np.ndarray  # shape (C - 1,) or (0,): of the torque of all conditions but the first [N·m]
+    offsets: (
+        np.ndarray
+    )  # shape (C - 1,) or (0,): of the torque of all conditions but the first [N·m]
     converged: bool = False
 
     @cached_property
@@ -97,8 +99,8 @@ class EnsembleSolution:
     def find_step(self) -> np.ndarray:
         """Step of the unknowns that goes towards the solution, shape (unknowns,).
 
-        That of Gauss and Newton, which `information` damps where the instruments are weak. Dynamics and delay move by no
-        more than they may, and the others go with them.
+        That of Gauss and Newton, which `information` damps where the instruments are weak. Dynamics and delay move by
+        no more than they may, and the others go with them.
         """
         size = self.parameters.linear.size
         side = self.contributions.sum(axis=0)

@@ -48,9 +48,7 @@ def prepare_windows(_: Method, trial: Any, options: EnsembleOptions) -> list[Pre
             [
                 part
                 for record in trials
-                for part in cut(
-                    record.trial, options.onsets, window, condition=options.condition
-                )
+                for part in cut(record.trial, options.onsets, window, condition=options.condition)
             ]
         )
     elif not isinstance(trial, (list, tuple)):
@@ -65,20 +63,22 @@ def prepare_windows(_: Method, trial: Any, options: EnsembleOptions) -> list[Pre
     return trials
 
 
-def check_windows(_: Method, trials: Sequence[PreparedTrial], options: EnsembleOptions) -> list[str]:
+def check_windows(
+    _: Method, trials: Sequence[PreparedTrial], options: EnsembleOptions
+) -> list[str]:
     """Refuse windows that say nothing: one condition, few trials, too little time about the onset."""
     counts = Counter(map(condition_of, trials))
     if len(counts) < 2:
         raise DataError(
-            f"all windows have the condition {next(iter(counts))!r}: what is commanded in some of them and not in others "
-            "is the instrument. Give windows of nominal trials, or of another perturbation."
+            f"all windows have the condition {next(iter(counts))!r}: what is commanded in some and not in others is "
+            "the instrument. Give windows of nominal trials, or of another perturbation."
         )
     few = {name: count for name, count in counts.items() if count < FEWEST_TRIALS}
     if few:
         listed = ", ".join(f"{name} {count}" for name, count in few.items())
         raise DataError(
-            f"each condition needs {FEWEST_TRIALS} trials or more, and there are fewer of {listed}: leave it out, record "
-            "more, or, where each trial has a sequence of its own, repeat a few sequences."
+            f"each condition needs {FEWEST_TRIALS} trials or more, and there are fewer of {listed}: leave it out, "
+            "record more, or, where each trial has a sequence of its own, repeat a few sequences."
         )
     rate = trials[0].rate
     if rate < LOWEST_RATE:
@@ -89,9 +89,9 @@ def check_windows(_: Method, trials: Sequence[PreparedTrial], options: EnsembleO
     if windows.onset < SHORTEST_BEFORE * rate or windows.time[-1] < SHORTEST_AFTER:
         margin = filter_margin(rate) / rate
         raise DataError(
-            f"the windows begin {windows.onset / rate:.3g} s before the onset and are used until {windows.time[-1]:.3g} s "
-            f"after it: they have to begin {SHORTEST_BEFORE:g} s before it, and end {SHORTEST_AFTER + margin:.2g} s after "
-            f"it, of which filters take {margin:.2g} s."
+            f"the windows begin {windows.onset / rate:.3g} s before the onset and are used until "
+            f"{windows.time[-1]:.3g} s after it: they have to begin {SHORTEST_BEFORE:g} s before it, and end "
+            f"{SHORTEST_AFTER + margin:.2g} s after it, of which filters take {margin:.2g} s."
         )
     return []
 
@@ -119,8 +119,8 @@ def _onset_of(trial: PreparedTrial, options: EnsembleOptions) -> int:
     sample = round(float(onset) * trial.rate)
     if sample >= trial.time.size:
         raise DataError(
-            f"the onset at {onset:g} s lies behind the end of a window of {trial.time.size / trial.rate:g} s: give it in "
-            "seconds from the start of each window."
+            f"the onset at {onset:g} s lies behind the end of a window of {trial.time.size / trial.rate:g} s: give it "
+            "in seconds from the start of each window."
         )
     return sample
 
@@ -146,10 +146,13 @@ class Windows:
         after = min(trial.time.size - onset for trial, onset in zip(trials, onsets, strict=True))
         pairs = list(zip(trials, onsets, strict=True))
         position, torque = (
-            np.array([trial.samples[name][onset - before : onset + after] for trial, onset in pairs])
+            np.array(
+                [trial.samples[name][onset - before : onset + after] for trial, onset in pairs]
+            )
             for name in ("position", "torque")
         )
-        counts = Counter(map(condition_of, trials))
+        names = [condition_of(trial) for trial in trials]
+        counts = dict(sorted(Counter(names).items()))
         numbers = {name: number for number, name in enumerate(counts)}
         attributes = trials[0].trial.attrs
         start, end = options.window or (
@@ -161,8 +164,8 @@ class Windows:
         last = min(end * rate, after - 1 - filter_margin(rate))
         steps = np.arange(np.ceil(first / factor - 1e-9), np.floor(last / factor + 1e-9) + 1)
         return cls(
-            conditions=dict(counts),
-            groups=np.array([numbers[condition_of(trial)] for trial in trials]),
+            conditions=counts,
+            groups=np.array([numbers[name] for name in names]),
             position=position,
             torque=torque,
             rate=rate,
