@@ -5,11 +5,13 @@
 
 import argparse
 import time
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 from scipy import special
-from windows import BEFORE, STIFF, TRUTH, Ensemble, simulate_ensemble
+from tools import format_table
+from windows import BEFORE, LIGHT, STIFF, TRUTH, Ensemble, simulate_ensemble, simulate_record
 
 from ankleloop import DataError, identify
 
@@ -25,7 +27,6 @@ ROWS = {
     "light, 3, pulse of 150 ms": Ensemble(voluntary=3.0, command="pulse"),
 }
 SEQUENCES = {str(number): 10 for number in range(4)}
-OWN = {"nominal": 40, **{str(number): 1 for number in range(40)}}
 # What the model lacks, or what an experiment does wrong.
 FAULTS = {
     "threshold of the reflex, 0.1 rad/s": Ensemble(voluntary=1.5, threshold=0.1),
@@ -36,9 +37,16 @@ FAULTS = {
     "no reflex": Ensemble(voluntary=1.5, gain=0.0),
     "K rises by 40 % in 0.25 s": Ensemble(stiffness_slope=1.6),
     "K ± 30 % between trials": Ensemble(voluntary=1.5, stiffness_scatter=0.3),
-    "four sequences, ten trials each": Ensemble(
-        voluntary=1.5, command="sequences", trials=SEQUENCES, after=0.65
+    "sequences of each trial's own": Ensemble(
+        voluntary=1.5, command="own sequences", trials={"nominal": 40, "own": 40}, after=0.65
     ),
+}
+SIZES = {
+    "10/20": {"nominal": 20, "up": 10},
+    "20/50": {"nominal": 50, "up": 20},
+    "40/100": {"nominal": 100, "up": 40},
+    "80/100": {"nominal": 100, "up": 80},
+    "4 sequences × 10, no nominal": SEQUENCES,
 }
 NAMES = ("K", "B", "I", "G")
 MEASURED = (*NAMES, "omega_n", "zeta", "delay")
@@ -50,6 +58,8 @@ def fit_least_squares(windows, duration):
         [part for part in windows if (part.attrs["condition"] == "nominal") is is_nominal]
         for is_nominal in (False, True)
     )
+    if not nominal:
+        return {}
     first = round(BEFORE * 1000)
     means = []
     for name in ("position", "torque"):
@@ -108,7 +118,11 @@ def measure_rows(rows, count, seed=1000, **options):
     """A row for each ensemble of each kind."""
     parts = []
     for kind, settings in rows.items():
-        found = [measure_one(settings, seed + number, **options) for number in range(count)]
+        window = window_of(settings)
+        found = [
+            measure_one(settings, seed + number, window=window, **options)
+            for number in range(count)
+        ]
         parts.append(pd.DataFrame(found).assign(kind=kind))
         print(kind, summarise(parts[-1]), flush=True)
     return pd.concat(parts, ignore_index=True)
@@ -137,6 +151,8 @@ def summarise(table):
         cells["passive"] = int(good["passive"].sum())
         cells["strength"] = f"{good['strength'].min():.1f} … {good['strength'].max():.0f}"
     for duration in (0.1, 0.06):
+        if f"K {duration}" not in table:
+            continue
         k = 100.0 * (table[f"K {duration}"] / TRUTH["K"] - 1.0)
         b = 100.0 * (table[f"B {duration}"] / TRUTH["B"] - 1.0)
         covered = table[f"covered {duration}"].mean()
@@ -144,6 +160,65 @@ def summarise(table):
             f"{k.mean():+.0f} ± {k.std():.0f} ({covered:.2f}) / {b.mean():+.0f}"
         )
     return cells
+
+
+def format_summaries(table, columns):
+    """Summaries of each kind as Markdown."""
+    rows = []
+    for kind, part in table.groupby("kind", sort=False):
+        cells = summarise(part)
+        rows.append({"ensemble": kind, **{name: cells.get(key, "–") for name, key in columns}})
+    return format_table(rows)
+
+
+def measure_widths(count, seed=3000):
+    """Median half widths of the intervals of K and G [%] by the number of trials."""
+    rows = []
+    for name, trials in SIZES.items():
+        row = {"perturbed/nominal": name}
+        for load, values in (("light", LIGHT), ("stiff", STIFF)):
+            settings = Ensemble(load=values, voluntary=1.5, trials=trials)
+            if "0" in trials:
+                settings = replace(settings, command="sequences", after=0.65)
+            found = [
+                measure_one(settings, seed + number, window=window_of(settings))
+                for number in range(count)
+            ]
+            table = pd.DataFrame(found).reindex(columns=["K width", "G width", "converged"])
+            widths = [100.0 * table[f"{key} width"].median() / TRUTH[key] for key in ("K", "G")]
+            row[f"{load}: K / G [%]"] = " / ".join(f"{width:.1f}" for width in widths)
+            row[f"{load}: converged"] = f"{int(table['converged'].sum())} of {count}"
+        rows.append(row)
+        print(row, flush=True)
+    return rows
+
+
+def window_of(settings):
+    """Window of an ensemble: sequences are used until 0.43 s."""
+    return (-0.1, 0.43) if settings.command.endswith("sequences") else None
+
+
+def measure_records(count, seed=5000):
+    """Errors and coverage of `riv` on whole records of 300 s, and of `ensemble` on their windows [%]."""
+    rows = []
+    for name in ("light, 0.5", "light, 3", "stiff, 3"):
+        parts = {"riv": [], "ensemble": []}
+        for number in range(count):
+            trial, onsets, conditions = simulate_record(ROWS[name], seed + number)
+            marks = {"onsets": onsets, "condition": conditions}
+            for method, options in (("riv", {}), ("ensemble", marks)):
+                estimate = identify(trial, method, **options)
+                low, high = estimate.intervals.get("K", (np.nan, np.nan))
+                values = {key: 100.0 * (estimate[key] / TRUTH[key] - 1.0) for key in NAMES}
+                parts[method].append({**values, "covered": low <= TRUTH["K"] <= high})
+        for method, found in parts.items():
+            table = pd.DataFrame(found)
+            row = {"record": name, "method": f"`{method}`"}
+            for key in NAMES:
+                row[key] = f"{table[key].mean():+.1f} ± {table[key].std():.1f}"
+            rows.append({**row, "K held": f"{int(table['covered'].sum())} of {count}"})
+            print(rows[-1], flush=True)
+    return rows
 
 
 def main():
