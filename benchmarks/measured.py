@@ -174,9 +174,9 @@ def measure_ensembles():
     return {
         "Ensembles": f"{ENSEMBLES} of each kind, from a simulator that shares nothing with `simulate`: a ramp of 0.05 "
         "rad in 60 ms in 40 trials of 140, voluntary torque below 2 Hz of 0.5 to 3 N·m, an offset of 1 N·m between "
-        "trials, noise of 0.5 N·m and 0.1 mrad; in the name load, voluntary torque [N·m] and perturbed/nominal trials. Mean "
-        "error ± standard deviation [%] of those that converge, and the share of their 95 % intervals that hold the "
-        "truth. Beside it least squares of the difference of the means, with the usual interval of K.\n\n"
+        "trials, noise of 0.5 N·m and 0.1 mrad; in the name load, voluntary torque [N·m] and perturbed/nominal trials. "
+        "Mean error ± standard deviation [%] of those that converge, and the share of their 95 % intervals that hold "
+        "the truth. Beside it least squares of the difference of the means, with the usual interval of K.\n\n"
         + ensembles.format_summaries(
             ensembles.measure_rows(ensembles.ROWS, ENSEMBLES, 50_000), columns + squares
         ),

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ankleloop.assessment.scores import list_parameters
 from ankleloop.errors import NUMERICAL_ERRORS
+from ankleloop.plotting.estimates import conditions_figure
 from ankleloop.plotting.style import save_figure
 from ankleloop.trials.files import write_csv
 from ankleloop_lab.command_line.analysis import TABLE
@@ -52,7 +53,7 @@ def identify_ensembles(
         except (TypeError, ValueError) as error:  # of an option
             raise click.UsageError(str(error)) from None
         export_estimates({METHOD: estimate}, folder / name)
-        save_figure(estimate.plot(), folder / name / METHOD, overwrite=True)
+        save_figure(conditions_figure(estimate), folder / name / METHOD, overwrite=True)
         warnings = " ".join(estimate.warnings)
         row = {"trusted": not estimate.fit_warnings, "refused": "", **list_parameters(estimate)}
         rows.append({**labels, **row, "warnings": warnings})
