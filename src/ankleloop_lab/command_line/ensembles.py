@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from ankleloop.plotting.estimates import conditions_figure
 from ankleloop.plotting.style import save_figure
 from ankleloop.trials.files import write_csv
 from ankleloop_lab.command_line.analysis import TABLE
-from ankleloop_lab.command_line.terminal import echo, refuse_existing
+from ankleloop_lab.command_line.terminal import echo, refuse_existing, show_correction
 from ankleloop_lab.recordings.analysis import describe_failure
 from ankleloop_lab.recordings.ensembles import identify_windows
 from ankleloop_lab.recordings.files import export_estimates
@@ -23,6 +23,7 @@ from ankleloop_lab.recordings.labels import GROUPS
 from ankleloop_lab.recordings.settings import Recording
 
 METHOD = "ensemble"
+FIGURE = "figure-conditions"
 
 
 def identify_ensembles(
@@ -31,10 +32,14 @@ def identify_ensembles(
     onsets: str,
     condition: str | None,
     options: Mapping[str, Any],
+    words: Sequence[str],
     *,
     overwrite: bool,
 ) -> bool:
-    """Identify the windows of each recording, and write its results; whether all could be identified."""
+    """Identify the windows of each recording, and write its results; whether all could be identified.
+
+    `words` are those of the command, to correct it where a recording is refused.
+    """
     if condition is None:
         raise click.UsageError("--onsets needs --condition: the variable of what was commanded.")
     chosen = {name.removeprefix(f"{METHOD}."): value for name, value in options.items()}
@@ -48,20 +53,21 @@ def identify_ensembles(
         except NUMERICAL_ERRORS as error:
             reason = describe_failure(error)
             rows.append({**labels, "trusted": False, "refused": reason})
-            echo(f"{click.style(name, bold=True)}  refused: {reason}")
+            echo(f"{click.style(name, bold=True)}  {click.style('refused', fg='red')}: {reason}")
+            show_correction(getattr(error, "remedy", {}), words)
             continue
         except (TypeError, ValueError) as error:  # of an option
             raise click.UsageError(str(error)) from None
         export_estimates({METHOD: estimate}, folder / name)
-        save_figure(conditions_figure(estimate), folder / name / METHOD, overwrite=True)
+        figure = folder / name / FIGURE
+        save_figure(conditions_figure(estimate), figure, overwrite=True)
         warnings = " ".join(estimate.warnings)
         row = {"trusted": not estimate.fit_warnings, "refused": "", **list_parameters(estimate)}
         rows.append({**labels, **row, "warnings": warnings})
         echo(f"\n{click.style(name, bold=True)}\n{estimate}")
-        echo(
-            f"\nestimate  {folder / name / METHOD}.nc, .mat, .csv\nfigure    {folder / name / METHOD}.png"
-        )
-    folder.mkdir(parents=True, exist_ok=True)
-    write_csv(pd.DataFrame(rows), folder / TABLE, overwrite=True)
-    echo(f"table     {folder / TABLE}")
-    return all(not row["refused"] for row in rows)
+        echo(f"\nestimate  {folder / name / METHOD}.nc, .mat, .csv\nfigure    {figure}.png")
+    refused = [row for row in rows if row["refused"]]
+    if len(refused) < len(rows):
+        write_csv(pd.DataFrame(rows), folder / TABLE, overwrite=True)
+        echo(f"table     {folder / TABLE}")
+    return not refused

@@ -39,8 +39,9 @@ CHOICE = (
 DELAY = "Reflex delay of every method [s]; `estimate` for the methods that can.  [default: that of each method]"
 JOBS = "Files that are identified side by side.  [default: as many as there are processors]"
 ONSETS = (
-    "Variable of the file with the onset of the perturbation in each window [s], or a trigger that rises there, for "
-    "the method ensemble alone. --condition is then the variable that says what was commanded."
+    "Variable of the file with the onset of the perturbation in each window [s from the start of the record], or a "
+    "trigger that rises there, for the method ensemble alone. --condition is then the variable that says by a number "
+    "what was commanded in each."
 )
 OPTION = "Option of a method, as riv.order=3; without METHOD of every method that has it. Several times for several."
 
@@ -83,14 +84,17 @@ def identify(
     fields = _parse_options([*named, *options])
     if (onsets is not None) != ("ensemble" in methods) or (onsets is not None and len(methods) > 1):
         raise click.UsageError(
-            "--onsets and --method ensemble go together, without another method."
+            "--method ensemble needs --onsets and --condition, and these no other method: it alone takes windows "
+            "around perturbations."
         )
     kinds = values.pop("condition") if onsets is not None else None
     recordings = map_recordings(files, names, values, tolerant=True)
     if onsets is not None:
         from ankleloop_lab.command_line.ensembles import identify_ensembles
 
-        done = identify_ensembles(recordings, folder, onsets, kinds, fields, overwrite=overwrite)
+        done = identify_ensembles(
+            recordings, folder, onsets, kinds, fields, context.obj, overwrite=overwrite
+        )
         return int(not done)
     several = len(recordings) > 1
     analyses = [

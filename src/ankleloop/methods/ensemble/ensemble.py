@@ -206,8 +206,7 @@ def _warnings(
         )
     if balance_p < UNBALANCED:
         warnings.append(
-            "the conditions differ before the onset, so they are not at random: was the perturbation foreseen? Each "
-            "has an offset of its own."
+            "the conditions differ before the onset, so they are not at random: was the perturbation foreseen?"
         )
     if (
         solution.converged

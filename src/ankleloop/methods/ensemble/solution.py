@@ -27,9 +27,8 @@ class EnsembleSolution:
 
     equations: EnsembleEquations
     parameters: Parameters
-    offsets: (
-        np.ndarray
-    )  # shape (C - 1,) or (0,): of the torque of all conditions but the first [N·m]
+    # Shape (C - 1,) or (0,): of the torque of all conditions but the first [N·m].
+    offsets: np.ndarray
     converged: bool = False
 
     @cached_property
@@ -89,7 +88,7 @@ class EnsembleSolution:
     def information(self) -> np.ndarray:
         """Matrix of the equations with the means of all trials of a condition as instruments, shape as `normal`.
 
-        Unlike `normal` it is positive, and it says
+        Unlike `normal` it is symmetric and positive, so a step by it goes the right way where the instruments are weak.
         """
         windows = self.equations.windows
         means = windows.average(self.columns) - self.columns.mean(axis=1, keepdims=True)

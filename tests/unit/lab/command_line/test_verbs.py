@@ -627,7 +627,9 @@ def test_identify_windows_of_a_recording(run, walk, tmp_path, onsets, condition)
     assert saved == expected
     table = pd.read_csv(tmp_path / "recordings.csv")
     assert table["K"][0] == pytest.approx(expected["K"])
-    assert (tmp_path / "walk" / "ensemble.png").stat().st_size > 0
+    assert (tmp_path / "walk" / "figure-conditions.png").stat().st_size > 0
+    torques = pd.read_csv(tmp_path / "walk" / "ensemble.csv")
+    np.testing.assert_allclose(torques["torque_net_nm"], expected.torque["net"])
     again = run("identify", path, *words, "--output", tmp_path)
     assert (again.status, "--overwrite" in again.err) == (2, True)
 
@@ -635,9 +637,9 @@ def test_identify_windows_of_a_recording(run, walk, tmp_path, onsets, condition)
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--method ensemble", "go together"),
-        ("--onsets onsets --condition kinds", "go together"),
-        ("--method ensemble --method riv --onsets onsets", "without another method"),
+        ("--method ensemble", "needs --onsets and --condition"),
+        ("--onsets onsets --condition kinds", "it alone takes windows"),
+        ("--method ensemble --method riv --onsets onsets", "and these no other method"),
         ("--method ensemble --onsets onsets", "--onsets needs --condition"),
         ("--method ensemble --onsets onsets --condition short", "one condition for each onset"),
         ("--method ensemble --onsets press --condition kinds", "no variable 'press'"),

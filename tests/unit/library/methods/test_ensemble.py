@@ -3,6 +3,7 @@
 import sys
 import time
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -11,6 +12,7 @@ import pytest
 
 from ankleloop import (
     DataError,
+    compare,
     cut,
     identify,
     identify_each,
@@ -150,6 +152,22 @@ def test_a_file_a_figure_and_a_table_have_the_conditions(windows, estimate, tmp_
     assert table["K"][0] == estimate["K"]
     assert table["trusted"][0]
     assert "onset" not in table
+
+
+def test_tasks_are_compared_within_subjects():
+    """The condition within an ensemble is no label of it; K is 60 % higher in one of the tasks."""
+    ensembles = []
+    for seed, (subject, task) in enumerate(product(("S1", "S2", "S3"), ("stand", "lean"))):
+        settings = replace(QUIET, stiffness_slope=0.0 if task == "stand" else 6.0)
+        parts = simulate_ensemble(settings, seed)
+        ensembles.append([part.assign_attrs(subject=subject, task=task) for part in parts])
+    table = identify_each(ensembles, "ensemble")
+    assert {"subject", "task"} < set(table.columns)
+    assert "condition" not in table
+    comparison = compare(table, "task", within="subject")
+    difference = comparison.query("kind == 'difference' and parameter == 'K'").iloc[0]
+    assert abs(difference["value"]) == pytest.approx(0.6 * TRUTH["K"], rel=0.05)
+    assert difference["low"] * difference["high"] > 0.0
 
 
 def test_a_record_with_onsets_is_the_list_of_its_windows():
