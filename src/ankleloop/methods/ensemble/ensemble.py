@@ -75,7 +75,7 @@ def identify_ensemble(trials: Sequence[PreparedTrial], options: EnsembleOptions)
 
     References
     ----------
-    D. A. Kirsch, R. E. Kearney, J. B. MacNeil, "Identification of time-varying dynamics of the human triceps surae
+    R. F. Kirsch, R. E. Kearney, J. B. MacNeil, "Identification of time-varying dynamics of the human triceps surae
     stretch reflex", Experimental Brain Research 97, 115-127, 1993. J. D. Angrist, G. W. Imbens, A. B. Krueger,
     "Jackknife instrumental variables estimation", Journal of Applied Econometrics 14(1), 57-67, 1999.
 
