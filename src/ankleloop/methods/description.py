@@ -38,6 +38,7 @@ INTERVALS = {
     "influence of trials": "from the influence of each trial",
     "between trials": "from the scatter between the trials, for the mean over all such trials",
 }
+LISTED = 6  # values of an option that are told
 
 
 def describe_methods(estimate: Estimate) -> str:
@@ -75,7 +76,14 @@ def describe_methods(estimate: Estimate) -> str:
         sentences.append(f"Intervals (95 %) are {INTERVALS[kind]}.")
     options = diagnostics.get("options", {})
     if options:
-        listed = ", ".join(f"{option} = {value}" for option, value in options.items())
+        listed = ", ".join(f"{name} = {_describe_value(value)}" for name, value in options.items())
         sentences.append(f"Options other than the defaults: {listed}.")
     sentences.append(f"Software: ankleloop {version('ankleloop')}.")
     return " ".join(sentences)
+
+
+def _describe_value(value: object) -> str:
+    """A value of an option; of a long list, as that of onsets, how many it has."""
+    if isinstance(value, (list, tuple)) and len(value) > LISTED:
+        return f"{len(value)} values"
+    return str(value)

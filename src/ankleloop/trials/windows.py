@@ -14,7 +14,7 @@ from ankleloop.trials.trial import REQUIRED, validate
 WINDOW = (-0.1, 0.25)  # s, from the onset of the perturbation
 FILTERED = 0.2  # s on either side of a window, for its filters
 TRIGGER_LEVEL = 0.1  # of the range of a trigger, above which it has risen
-Conditions = str | Sequence[str | float]
+Conditions = str | Sequence[str | bool | float]
 
 
 def cut(

@@ -20,7 +20,7 @@ class EnsembleOptions(MethodOptions):
         "windows",
         unit="s",
     )
-    condition: tuple[str | float, ...] | str | None = option(
+    condition: tuple[str | bool | float, ...] | str | None = option(
         None,
         "what was commanded in each window of a record, or the variable that says so at the onset; null for a list of "
         "windows, whose attributes say it",

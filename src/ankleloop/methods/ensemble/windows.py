@@ -39,9 +39,9 @@ def prepare_windows(_: Method, trial: Any, options: EnsembleOptions) -> list[Pre
     """Windows of a list, or those that are cut out of a record, or out of each of several, at the onsets."""
     trials = prepare_trials(trial)
     if options.onsets is not None:
-        if options.condition is None:
+        if options.condition is None or options.onset is not None:
             raise DataError(
-                "there are onsets, and no condition: say for each window what was commanded, condition=..."
+                "onsets of a record need the condition of each, and no onset: say what was commanded, condition=..."
             )
         window = options.window or WINDOW
         trials = prepare_trials(
@@ -86,11 +86,12 @@ def check_windows(
             f"the windows have {rate:g} Hz, and the filters of ensemble need {LOWEST_RATE:g} Hz."
         )
     windows = Windows.of(trials, options)
-    if windows.onset < SHORTEST_BEFORE * rate or windows.time[-1] < SHORTEST_AFTER:
+    end = windows.time.max(initial=0.0)
+    if windows.onset < SHORTEST_BEFORE * rate or end < SHORTEST_AFTER:
         margin = filter_margin(rate) / rate
         raise DataError(
             f"the windows begin {windows.onset / rate:.3g} s before the onset and are used until "
-            f"{windows.time[-1]:.3g} s after it: they have to begin {SHORTEST_BEFORE:g} s before it, and end "
+            f"{end:.3g} s after it: they have to begin {SHORTEST_BEFORE:g} s before it, and end "
             f"{SHORTEST_AFTER + margin:.2g} s after it, of which filters take {margin:.2g} s."
         )
     return []

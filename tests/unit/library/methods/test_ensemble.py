@@ -176,6 +176,11 @@ def test_a_record_with_onsets_is_the_list_of_its_windows():
     assert whole == identify(cut(record, onsets, condition=conditions), "ensemble")
     low, high = whole.intervals["K"]
     assert low < TRUTH["K"] < high
+    perturbed = [name == "up" for name in conditions]
+    assert identify(record, "ensemble", onsets=onsets, condition=perturbed) == whole
+    assert f"onsets = {onsets.size} values" in whole.methods_text()
+    with pytest.raises(DataError, match="and no onset"):
+        identify(record, "ensemble", onsets=onsets, condition=conditions, onset=0.3)
 
 
 def test_an_identification_takes_less_than_a_second(windows):
@@ -223,6 +228,7 @@ def test_sequences_of_each_trials_own_are_refused():
         (lambda parts: parts[0], {}, "ensemble takes windows"),
         (lambda parts: [], {}, "no windows"),
         (lambda parts: parts, {"window": (-0.1, 0.1)}, "used until 0.1 s after it"),
+        (lambda parts: parts, {"window": (0.2, 0.1)}, "used until 0 s after it"),
         (lambda parts: parts, {"onset": 0.02}, "begin 0.02 s before the onset"),
         (lambda parts: parts, {"onset": 5.0}, "lies behind the end"),
         (lambda parts: [*parts, parts[0]], {}, "are the same record"),
