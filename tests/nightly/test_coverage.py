@@ -1,4 +1,4 @@
-"""The 95 % intervals of `riv` and `ensemble` and bands of `riv-tv` hold the truth in 95 % of the trials, as far as they can tell."""
+"""95 % intervals of `riv` and `ensemble` and bands of `riv-tv` hold the truth in 95 % of the trials, or nearly."""
 
 import sys
 from pathlib import Path
