@@ -178,12 +178,12 @@ def measure_ensembles():
         "Mean error ± standard deviation [%] of those that converge, and the share of their 95 % intervals that hold "
         "the truth. Beside it least squares of the difference of the means, with the usual interval of K.\n\n"
         + ensembles.format_summaries(
-            ensembles.measure_rows(ensembles.ROWS, ENSEMBLES, 50_000), columns + squares
+            ensembles.measure_rows(ensembles.ROWS, ENSEMBLES, 300_000), columns + squares
         ),
-        "What the model lacks": "40 ensembles each, load light; incomplete is the share with p ≤ 0.01 for differences "
+        "What the model lacks": "30 ensembles each, load light; incomplete is the share with p ≤ 0.01 for differences "
         "between the conditions that the model does not have.\n\n"
         + ensembles.format_summaries(
-            ensembles.measure_rows(ensembles.FAULTS, 40, 70_000), faults_columns
+            ensembles.measure_rows(ensembles.FAULTS, 30, 600_000), faults_columns
         ),
         "Numbers of trials": "Median half width of the 95 % intervals, voluntary torque of 1.5 N·m, 20 ensembles "
         f"each.\n\n{format_table(ensembles.measure_widths(20))}",

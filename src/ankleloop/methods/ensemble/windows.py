@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy import special
 
+from ankleloop.checks.channels import CHANNEL_CHECKS, check_spikes
 from ankleloop.checks.data import refuse_other_rates, refuse_repeated_trials
+from ankleloop.checks.findings import Finding, merge_findings
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.methods.ensemble.options import EnsembleOptions
 from ankleloop.methods.method import Method
 from ankleloop.signals.decimation import decimation_factor, design_lowpass
+from ankleloop.trials.trial import REQUIRED
 from ankleloop.trials.windows import WINDOW, cut, name_condition
 
 CHANNEL_BAND = (40.0, 100.0)  # Hz: pass band and stop band of all channels
@@ -66,8 +70,9 @@ def prepare_windows(_: Method, trial: Any, options: EnsembleOptions) -> list[Pre
 def check_windows(
     _: Method, trials: Sequence[PreparedTrial], options: EnsembleOptions
 ) -> list[str]:
-    """Refuse windows that say nothing: one condition, few trials, too little time about the onset."""
-    counts = Counter(map(condition_of, trials))
+    """Refuse windows that say nothing: one condition, few trials, too little time; warnings about their channels."""
+    conditions = list(map(condition_of, trials))
+    counts = Counter(conditions)
     if len(counts) < 2:
         raise DataError(
             f"all windows have the condition {next(iter(counts))!r}: what is commanded in some and not in others is "
@@ -94,7 +99,32 @@ def check_windows(
             f"{end:.3g} s after it: they have to begin {SHORTEST_BEFORE:g} s before it, and end "
             f"{SHORTEST_AFTER + margin:.2g} s after it, of which filters take {margin:.2g} s."
         )
-    return []
+    worst = [
+        _find_fault(check, name, trials, conditions)
+        for check in CHANNEL_CHECKS
+        for name in REQUIRED
+    ]
+    return [finding.text for finding in worst if finding.verdict != "ok"]
+
+
+def _find_fault(
+    check: Callable[[PreparedTrial, str], Finding],
+    name: str,
+    trials: Sequence[PreparedTrial],
+    conditions: Sequence[str],
+) -> Finding:
+    """Worst finding about a channel of the windows; a peak that half of a condition have is that of its command."""
+    findings = [check(trial, name) for trial in trials]
+    if check is check_spikes:
+        faulty = [finding.verdict != "ok" for finding in findings]
+        peaks = Counter(itertools.compress(conditions, faulty))
+        counts = Counter(conditions)
+        commanded = {condition for condition in peaks if 2 * peaks[condition] >= counts[condition]}
+        findings = [
+            replace(finding, verdict="ok") if condition in commanded else finding
+            for finding, condition in zip(findings, conditions, strict=True)
+        ]
+    return merge_findings(findings)
 
 
 def condition_of(trial: PreparedTrial) -> str:

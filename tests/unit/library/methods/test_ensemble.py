@@ -204,6 +204,22 @@ def test_conditions_that_differ_before_the_onset_have_offsets_and_a_warning(wind
     assert low < TRUTH["K"] < high
 
 
+def test_faults_of_a_channel_are_warned_of_with_their_window(windows):
+    clipped = [part.assign(torque=part["torque"].clip(-1.0, 4.0)) for part in windows]
+    assert "end of the range of the torque" in " ".join(identify(clipped, "ensemble").warnings)
+    struck = windows[7].copy(deep=True)
+    struck["torque"][380] += 200.0
+    warnings = identify([*windows[:7], struck, *windows[8:]], "ensemble").warnings
+    assert [text.startswith("trial 8 of 140: the torque has a spike") for text in warnings] == [
+        True
+    ]
+
+
+def test_peaks_that_a_command_makes_are_no_fault():
+    sharp = replace(QUIET, command="sequences", trials={str(n): 10 for n in range(4)}, after=0.65)
+    assert not identify(simulate_ensemble(sharp, 5), "ensemble", window=(-0.1, 0.15)).warnings
+
+
 def test_a_reflex_that_is_hardly_seen_warns():
     few = Ensemble(voluntary=3.0, trials={"nominal": 30, "up": 15})
     estimate = identify(simulate_ensemble(few, 1000), "ensemble")
