@@ -132,6 +132,8 @@ def summarise(table):
     """Bias, spread and coverage of the converged estimates of a kind [%]."""
     good = table[table["converged"].astype(bool)]
     cells = {"converged": f"{len(good)} of {len(table)}", "refused": int(table["refused"].sum())}
+    if "warned" in table:
+        cells["warned"] = f"{table['warned'].dropna().astype(bool).mean():.2f}"
     for name in MEASURED if len(good) else ():
         if name not in good:
             continue
@@ -144,10 +146,10 @@ def summarise(table):
         error = 100.0 * (good["G"].median() / TRUTH["G"] - 1.0)
         cells["median of G"] = f"{error:+.1f}"
         cells["score"] = f"{good['score'].median():.1f}"
-        cells["warned"] = f"{good['warned'].mean():.2f}"
         low = good["score"] < 4.0
         cells["low scores warned"] = f"{good['warned'][low].sum()} of {low.sum()}"
         cells["incomplete"] = f"{(good['movement_p'] <= 0.01).mean():.2f}"
+        cells["seconds"] = f"{good['seconds'].median():.2f}"
         cells["passive"] = int(good["passive"].sum())
         cells["strength"] = f"{good['strength'].min():.1f} … {good['strength'].max():.0f}"
     for duration in (0.1, 0.06):

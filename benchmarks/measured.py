@@ -167,6 +167,7 @@ def measure_ensembles():
     """Short windows around perturbations: `ensemble` beside least squares of the means, and `riv`."""
     columns = [(name, name) for name in ("converged", *ensembles.MEASURED)]
     columns += [("median of G", "median of G"), ("score of G", "score"), ("warned", "warned")]
+    columns += [("time [s]", "seconds")]
     squares = [("least squares, 100 ms: K (held) / B", "LS 0.1"), ("60 ms", "LS 0.06")]
     faults_columns = [("converged", "converged"), ("refused", "refused"), ("warned", "warned")]
     faults_columns += [("incomplete", "incomplete"), ("passive", "passive")]
@@ -176,7 +177,8 @@ def measure_ensembles():
         "rad in 60 ms in 40 trials of 140, voluntary torque below 2 Hz of 0.5 to 3 N·m, an offset of 1 N·m between "
         "trials, noise of 0.5 N·m and 0.1 mrad; in the name load, voluntary torque [N·m] and perturbed/nominal trials. "
         "Mean error ± standard deviation [%] of those that converge, and the share of their 95 % intervals that hold "
-        "the truth. Beside it least squares of the difference of the means, with the usual interval of K.\n\n"
+        "the truth; processor time of a fit with its tests. Beside it least squares of the difference of the means, "
+        "with the usual interval of K.\n\n"
         + ensembles.format_summaries(
             ensembles.measure_rows(ensembles.ROWS, ENSEMBLES, 300_000), columns + squares
         ),
