@@ -70,7 +70,7 @@ def _describe_no_default() -> str:
     by_position = {
         name for name, method in METHODS.items() if method.validity.without_reference == POSITION
     }
-    others = ", ".join(repr(name) for name in METHODS if name not in by_position)
+    others = ", ".join(repr(name) for name in RECORD_METHODS if name not in by_position)
     return (
         "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
         "reference, or, if nothing was compliant while it was recorded (open loop), take 'riv' with "
