@@ -220,12 +220,17 @@ def _warnings(
     return warnings
 
 
+def _find_reference(_: EnsembleOptions) -> str:
+    """What the instruments are made of, whatever the options."""
+    return "condition"
+
+
 METHODS = (
     Method(
         "ensemble",
         EnsembleOptions,
         identify_ensemble,
-        reference=lambda _: "condition",
+        reference=_find_reference,
         merges=True,
         validity=Validity(closed={}),
         prepare=prepare_windows,

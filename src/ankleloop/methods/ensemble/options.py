@@ -30,6 +30,7 @@ class EnsembleOptions(MethodOptions):
         "time of the onset from the start of each window of a list; null: as their attributes say",
         unit="s",
         ge=0,
+        le=1000,
     )
     window: tuple[float, float] | None = option(
         None,
