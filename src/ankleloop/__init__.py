@@ -22,6 +22,7 @@ __all__ = [
     "check_trial",
     "compare",
     "cramer_rao",
+    "cut",
     "design_perturbation",
     "evaluate",
     "identify",
@@ -59,6 +60,8 @@ def _import_module(name: str) -> ModuleType:  # noqa: C901 # a list
             from ankleloop.signals import vaf as module
         case "new_trial" | "segment":
             from ankleloop.trials import trial as module
+        case "cut":
+            from ankleloop.trials import windows as module
         case "load_trial" | "save_trial":
             from ankleloop.trials import trial_files as module
         case "simulate":

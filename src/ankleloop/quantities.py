@@ -43,6 +43,7 @@ PARAMETERS = {
     "zeta": Quantity("damping of the reflex", "ζ", "1", "zeta", (0.05, 10.0)),
     "pole": Quantity("third pole of the reflex", "p", "rad/s"),
     "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
+    "K_slope": Quantity("slope of the intrinsic stiffness", "dK/dt", "N·m/(rad·s)"),
     "delay": Quantity("reflex delay", "delay", "s", "delay", (0.02, 0.07)),
 }
 # Simulation setting that is the true value of each parameter.

@@ -1,4 +1,4 @@
-"""The 95 % intervals of `riv` and bands of `riv-tv` hold the truth in 95 % of the trials, as far as they can tell."""
+"""95 % intervals of `riv` and `ensemble` and bands of `riv-tv` hold the truth in 95 % of the trials, or nearly."""
 
 import sys
 from pathlib import Path
@@ -11,9 +11,12 @@ from ankleloop import identify, simulate
 from ankleloop.assessment.scores import true_trajectories
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
+import ensembles
 from interval_coverage import compute_coverage, estimate_points, read_points, read_truths
+from windows import TRUTH
 
 TRIALS = 200
+ENSEMBLES = 100
 POINTS = read_points()
 
 
@@ -25,6 +28,18 @@ def test_intervals_hold_the_truth(name):
     low, high = stats.binom.interval(0.999, TRIALS, 0.95)
     held = table.loc[name].drop("robust") * TRIALS / 100
     assert held[(held < low) | (held > high)].empty, held.to_dict()
+
+
+@pytest.mark.parametrize("name", ["light, 0.5", "stiff, 3", "light, 1.5, moving"])
+def test_intervals_of_ensembles_hold_the_truth(name):
+    table = ensembles.measure_rows({name: ensembles.ROWS[name]}, ENSEMBLES, seed=90_000)
+    assert table["converged"].all()
+    low, high = stats.binom.interval(0.9999, ENSEMBLES, 0.95)
+    held = {key: int(table[f"{key} covered"].sum()) for key in TRUTH}
+    assert all(low <= count <= high for count in held.values()), held
+    for key in ("K", "B", "I"):
+        error = 3.3 * table[key].std() / np.sqrt(ENSEMBLES)
+        assert abs(table[key].mean() - TRUTH[key]) < max(error, 0.02 * TRUTH[key]), key
 
 
 CYCLES = {

@@ -50,9 +50,10 @@ class Estimate:
     torque : xarray.Dataset
         `net`, `intrinsic` and `reflex` torque over time [N·m], as deviations from their means, and the `measured`
         torque at the same times. Those of merged trials stand one after the other, each over its own time, with the
-        coordinate `trial`, which counts them from 1.
+        coordinate `trial`, which counts them from 1. Of an ensemble they are means of each condition over the time from
+        the onset, less what is the same in all trials.
     stiffness : dict
-        "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²].
+        "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²]; of an ensemble "K_slope" [N·m/(rad·s)], too.
     reflex : dict
         "delay" [s] and, where the method gives them, "G" [N·m·s/rad], "omega_n" [rad/s], "zeta".
     intervals : dict
@@ -92,6 +93,7 @@ class Estimate:
     instrument_rows                       rows of its instruments
     excitation                            information about a trajectory over its mean
     converged                             whether a search ended
+    conditions, position                  of an ensemble: trials of each condition, and its mean position [rad]
     ====================================  ==============================================================================
 
     Examples
@@ -257,6 +259,11 @@ class Estimate:
     def values(self) -> dict[str, float]:
         """Values of all parameters by their names."""
         return {**self.stiffness, **self.reflex}
+
+    @property
+    def conditions(self) -> dict[str, int]:
+        """Trials of each condition of an ensemble by its name, in the order of their torques; else empty."""
+        return dict(self.diagnostics.get("conditions", {}))
 
     @property
     def interval_remark(self) -> str:
@@ -470,7 +477,10 @@ class Estimate:
             first = f"net VAF: {score:.1f} %; {first}"
         lines = [first]
         trials = len(split_torques(self.torque))
-        if trials > 1 and self.intervals:
+        if self.conditions:
+            counts = [f"{name} ({count} trials)" for name, count in self.conditions.items()]
+            lines.append(f"conditions: {', '.join(counts)}")
+        elif trials > 1 and self.intervals:
             between = self.diagnostics.get("intervals") == "between trials"
             mean = "all trials like these" if between else "these trials"
             lines.append(f"intervals: for the mean over {mean} ({trials})")

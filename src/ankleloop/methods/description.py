@@ -17,6 +17,10 @@ SOURCES = {
         "refined instrumental variables with splines of the parameters",
         "Young 2011; Guarin and Kearney 2017",
     ),
+    "ensemble": (
+        "instrumental variables from the conditions of short windows",
+        "Angrist, Imbens and Krueger 1999",
+    ),
     "pr-moesp": ("the subspace method PR-MOESP", "Zhao, Ludvig and Kearney 2008"),
     "eiv-moesp": ("the subspace method EIV-MOESP", "Chou and Verhaegen 1997"),
     "pi-moesp": ("the subspace method PI-MOESP", "Verhaegen 1993"),
@@ -31,8 +35,10 @@ SOURCES = {
 INTERVALS = {
     "asymptotic": "from the asymptotic covariance",
     "robust": "robust against what the model lacks",
+    "influence of trials": "from the influence of each trial",
     "between trials": "from the scatter between the trials, for the mean over all such trials",
 }
+LISTED = 6  # values of an option that are told
 
 
 def describe_methods(estimate: Estimate) -> str:
@@ -45,25 +51,39 @@ def describe_methods(estimate: Estimate) -> str:
     rate = estimate.torque.attrs["identification_rate"]
     trials = len(split_torques(estimate.torque))
     records = f"{trials} merged trials" if trials > 1 else "one trial"
+    duration = f"{estimate.torque.sizes['time'] / rate:.0f} s after filters"
+    if estimate.conditions:
+        counts = [f"{count} of {name}" for name, count in estimate.conditions.items()]
+        start, end = (1000 * time for time in diagnostics["window"])
+        records = f"{sum(estimate.conditions.values())} trials ({', '.join(counts)})"
+        duration = f"{start:.0f} to {end:.0f} ms from the onset"
     has_reflex = bool(estimate.torque["reflex"].any())
     paths = "Intrinsic and reflex stiffness were" if has_reflex else "Intrinsic stiffness was"
     sentences = [
-        f"{paths} estimated by {method} from {records}, "
-        f"{estimate.torque.sizes['time'] / rate:.0f} s after filters, at {rate:g} Hz.",
+        f"{paths} estimated by {method} from {records}, {duration}, at {rate:g} Hz.",
     ]
     if has_reflex:
         delay = "estimated" if "delay" in estimate.intervals else "assumed"
         sentences.append(
             f"The reflex delay was {delay} ({1000 * estimate.reflex['delay']:.0f} ms)."
         )
-    if "reference" in diagnostics:
+    if estimate.conditions:
+        sentences.append("The instrument was the condition, what was commanded in each trial.")
+    elif "reference" in diagnostics:
         sentences.append(f"Instruments were made of the variable {diagnostics['reference']}.")
     kind = diagnostics.get("intervals")
     if kind in INTERVALS:
         sentences.append(f"Intervals (95 %) are {INTERVALS[kind]}.")
     options = diagnostics.get("options", {})
     if options:
-        listed = ", ".join(f"{option} = {value}" for option, value in options.items())
+        listed = ", ".join(f"{name} = {_describe_value(value)}" for name, value in options.items())
         sentences.append(f"Options other than the defaults: {listed}.")
     sentences.append(f"Software: ankleloop {version('ankleloop')}.")
     return " ".join(sentences)
+
+
+def _describe_value(value: object) -> str:
+    """A value of an option; of a long list, as that of onsets, how many it has."""
+    if isinstance(value, (list, tuple)) and len(value) > LISTED:
+        return f"{len(value)} values"
+    return str(value)

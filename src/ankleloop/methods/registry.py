@@ -11,6 +11,7 @@ from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare_trials
 from ankleloop.methods import moesp, parallel_cascade, real_time
+from ankleloop.methods.ensemble import ensemble
 from ankleloop.methods.entry_points import GROUP, find_entry_points, name_package
 from ankleloop.methods.method import POSITION, Method, Trial
 from ankleloop.methods.riv import riv
@@ -19,10 +20,11 @@ from ankleloop.methods.selection import check_selection, select_options
 from ankleloop.options import suggest_name
 
 # In the order in which methods are preferred where the data cannot tell them apart: the fewest parameters first.
-FAMILIES = (riv, moesp, parallel_cascade, real_time, riv_tv)
+FAMILIES = (riv, moesp, parallel_cascade, real_time, riv_tv, ensemble)
 METHODS: Mapping[str, Method] = {
     method.name: method for module in FAMILIES for method in module.METHODS
 }
+RECORD_METHODS = {name: method for name, method in METHODS.items() if method.takes_records}
 DEFAULT = "riv"  # where there is a reference; without one no method is valid whatever the loop
 
 
@@ -68,7 +70,7 @@ def _describe_no_default() -> str:
     by_position = {
         name for name, method in METHODS.items() if method.validity.without_reference == POSITION
     }
-    others = ", ".join(repr(name) for name in METHODS if name not in by_position)
+    others = ", ".join(repr(name) for name in RECORD_METHODS if name not in by_position)
     return (
         "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
         "reference, or, if nothing was compliant while it was recorded (open loop), take 'riv' with "

@@ -20,13 +20,18 @@ from ankleloop.joint.regressors import MEASURED as MEASURED_TORQUE
 from ankleloop.joint.regressors import TORQUES, split_torques
 from ankleloop.joint.time_varying_course import CURVES
 from ankleloop.plotting.panels import PANEL_COLUMNS, Panel, Styles, curve, draw_panels, finish
-from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, estimate_styles
+from ankleloop.plotting.style import MEASURED, TRUE, DataFigure, MethodStyle, estimate_styles
 from ankleloop.quantities import QUANTITIES
 
 TORQUE_HEIGHT = 36.0  # mm of a row of panels
 TRAJECTORY_HEIGHT = 44.0
 ESTIMATED = {"ls": (0, (4.0, 1.2)), "lw": 1.0}  # dashes, so that what lies below can be seen
 TARGETS = {"measured": MEASURED, "true (simulated)": TRUE}
+PATHS = {
+    "net": TRUE,
+    "intrinsic": MethodStyle("#0072B2", "", dashes=(4.0, 1.2)),
+    "reflex": MethodStyle("#D55E00", "", dashes=(1.5, 1.0)),
+}
 BLANK = "#dddddd"  # places at which a parameter is not identified
 TRUTH = "true value"
 
@@ -80,7 +85,9 @@ def plot_estimate(
     import matplotlib.pyplot as plt  # here: jobs make figures without it
 
     estimates = {estimate.method: estimate}
-    if estimate.trajectories is None:
+    if estimate.conditions:
+        drawn = conditions_figure(estimate, figure=figure)
+    elif estimate.trajectories is None:
         parts = []
         if trial is None:
             rate = estimate.torque.attrs["identification_rate"]
@@ -99,6 +106,37 @@ def plot_estimate(
     if figure is None:
         plt.figure(drawn)
     return drawn
+
+
+def conditions_figure(estimate: Estimate, *, figure: Any = None) -> DataFigure:
+    """Mean position and torque of each condition of an ensemble, with the model and its paths: a column for each."""
+    looks = {MEASURED_TORQUE: MEASURED, **PATHS}
+    panels = {}
+    parts = []
+    torques = split_torques(estimate.torque)
+    positions = np.asarray(estimate.diagnostics["position"])
+    pairs = list(zip(estimate.conditions, torques, positions, strict=True))
+    for name, torque, position in pairs:
+        time = torque["time"].values
+        place = f"{name} position"
+        panels[place] = Panel("position [rad]", name, xlabel="time from the onset [s]")
+        parts.append(curve(place, MEASURED_TORQUE, time, position))
+    for name, torque, _ in pairs:
+        time = torque["time"].values
+        place = f"{name} torque"
+        panels[place] = Panel("torque [N·m]", "", xlabel="time from the onset [s]")
+        for line in looks:
+            parts.append(curve(place, line, time, torque[line].values))
+    figure = draw_panels(
+        pd.concat(parts),
+        panels,
+        looks,
+        columns=len(pairs),
+        height=TORQUE_HEIGHT,
+        figure=figure,
+        sharex=True,
+    )
+    return finish(figure)
 
 
 def _find_part(window: tuple[float, float] | None) -> dict[str, Any]:

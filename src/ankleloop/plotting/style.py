@@ -103,6 +103,7 @@ METHOD_STYLES: Mapping[str, MethodStyle] = {
     "real-time": MethodStyle("#CC79A7", "X"),
     "riv": MethodStyle("#882255", "D"),
     "riv-tv": MethodStyle("#B22222", "p"),
+    "ensemble": MethodStyle("#200060", "h"),
 }
 SPARE = MethodStyle("#555555", "P")  # of a method without one, such as a new one
 

@@ -29,6 +29,7 @@ Examples:
   ankleloop identify S1.csv --position angle --torque moment --position-unit deg --delay estimate
   ankleloop identify *.mat --names '{subject}_{condition}'
   ankleloop identify S1.h5 --method riv --method pi-moesp --option riv.order=3
+  ankleloop identify walk.mat --method ensemble --onsets onsets --condition kinds
 
 \b
 Results, in the folder of --output:
@@ -46,11 +47,16 @@ Exit status: 0 if all files can be used, 3 if some can, 1 if none can.
 """
 RESULTS = "Folder of the results.  [default: FILE-results, of several files ankleloop-results]"
 CHOICE = (
-    "Method to fit (riv, pr-moesp, pi-moesp, parallel-cascade, riv-tv, or one that another package registers), several "
-    "times for several.  [default: all that are valid]"
+    "Method to fit (riv, pr-moesp, pi-moesp, parallel-cascade, riv-tv, ensemble, or one that another package "
+    "registers), several times for several.  [default: all that are valid]"
 )
 DELAY = "Reflex delay of every method [s]; `estimate` for the methods that can.  [default: that of each method]"
 JOBS = "Files that are identified side by side.  [default: as many as there are processors]"
+ONSETS = (
+    "Variable of the file with the onset of the perturbation in each window [s from the start of the record], or a "
+    "trigger that rises there, for the method ensemble alone. --condition is then the variable that says by a number "
+    "what was commanded in each."
+)
 OPTION = "Option of a method, as riv.order=3; without METHOD of every method that has it. Several times for several."
 
 
@@ -62,6 +68,7 @@ OPTION = "Option of a method, as riv.order=3; without METHOD of every method tha
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N", help=JOBS)
 @click.option("--delay", metavar="S|estimate", help=DELAY)
 @click.option("--option", "options", multiple=True, metavar="[METHOD.]NAME=VALUE", help=OPTION)
+@click.option("--onsets", metavar="VARIABLE", help=ONSETS)
 @names_option
 @reading_options
 @click.pass_context
@@ -74,6 +81,7 @@ def identify(
     jobs: int | None,
     delay: str | None,
     options: tuple[str, ...],
+    onsets: str | None,
     names: str | None,
     **values: Any,
 ) -> int:
@@ -88,7 +96,20 @@ def identify(
     folder = output or Path("ankleloop-results" if len(files) > 1 else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
+    if (onsets is not None) != ("ensemble" in methods) or (onsets is not None and len(methods) > 1):
+        raise click.UsageError(
+            "--method ensemble needs --onsets and --condition, and these no other method: it alone takes windows "
+            "around perturbations."
+        )
+    kinds = values.pop("condition") if onsets is not None else None
     recordings = map_recordings(files, names, values, tolerant=True)
+    if onsets is not None:
+        from ankleloop_lab.command_line.ensembles import identify_ensembles
+
+        done = identify_ensembles(
+            recordings, folder, onsets, kinds, fields, context.obj, overwrite=overwrite
+        )
+        return int(not done)
     several = len(recordings) > 1
     analyses = [
         analysis.plan_analysis(name, path, recording, methods, fields)

@@ -42,6 +42,9 @@ READ = {
     "gaps",
     "jitter",
     "resample",
+    "onset",
+    "window_start",
+    "window_end",
 }
 SIMULATED = {
     "seed",

@@ -23,7 +23,7 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails, core_schema
 
-from ankleloop.methods.registry import METHODS, find_method
+from ankleloop.methods.registry import RECORD_METHODS, find_method
 from ankleloop.options import Options, option, suggest_name
 from ankleloop.quantities import TRIAL_QUANTITIES
 from ankleloop.simulation.settings import (
@@ -50,7 +50,7 @@ Names = Annotated[list[str], Field(min_length=1)]
 def _union_of_methods() -> Any:
     """One model of `MethodSettings` for each set of options; the name of the method tells them apart."""
     names: dict[type[Options], list[str]] = {}
-    for name, entry in METHODS.items():
+    for name, entry in RECORD_METHODS.items():
         names.setdefault(entry.options, []).append(name)
     models = tuple(settings_of(options, *members) for options, members in names.items())
     return Annotated[
@@ -70,7 +70,7 @@ class _OrOther:
         registered = {
             "description": "A method that another package registers: it is looked up when the configuration is read.",
             "type": "object",
-            "properties": {"method": {"type": "string", "not": {"enum": list(METHODS)}}},
+            "properties": {"method": {"type": "string", "not": {"enum": list(RECORD_METHODS)}}},
             "required": ["method"],
         }
         left_out = {
@@ -83,7 +83,7 @@ class _OrOther:
 def _check_method(value: Any, check_built_in: Callable[[Any], Any]) -> Any:
     """Settings of a method, of the library or registered by another package."""
     name = value.get("method") if isinstance(value, Mapping) else None
-    if not isinstance(name, str) or name in METHODS:
+    if not isinstance(name, str) or name in RECORD_METHODS:
         return check_built_in(value)
     try:
         entry = find_method(name)
@@ -171,7 +171,7 @@ class _StudySettings(Options):
         """Refuse names and labels by which results could be taken for those of another method, and unknown ones."""
         check_cases("methods", self.methods)
         for name, method in self.methods.items():
-            if name in METHODS and name != method.method:
+            if name in RECORD_METHODS and name != method.method:
                 raise ValueError(
                     f"methods: {name} is the name of another method: choose another name"
                 )

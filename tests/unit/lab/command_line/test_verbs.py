@@ -10,12 +10,14 @@ import subprocess
 import sys
 from itertools import product
 from multiprocessing import get_context
+from pathlib import Path
 from zipfile import ZipFile
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from scipy.io import savemat
 from study_jobs import run_recordings_job
 
 from ankleloop import identify, load_estimate, plan_duration, save_trial, simulate
@@ -30,6 +32,9 @@ from ankleloop_lab.files.demo_files import write_recording
 from ankleloop_lab.recordings.validity import usual_methods
 from ankleloop_workflow.config.files import check_config_file
 from ankleloop_workflow.config.run import read_run
+
+sys.path.append(str(Path(__file__).parents[4] / "benchmarks"))
+from windows import Ensemble, simulate_record
 
 pytestmark = pytest.mark.usefixtures("coarse_pictures")
 
@@ -617,3 +622,61 @@ def test_an_interval_that_reaches_further_to_one_side_says_why(run, tmp_path):
     several = run("identify", *files, "--method", "riv", "--output", tmp_path / "both")
     assert f"a: {effect}" in several.out
     assert "b: intervals" not in several.out
+
+
+# --- ankleloop identify --method ensemble
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory):
+    """A record with ramps in half of the windows: onsets and conditions as times and numbers, and as channels."""
+    trial, onsets, conditions = simulate_record(Ensemble(), 3, duration=150.0)
+    kinds = np.array([float(name == "up") for name in conditions])
+    channels = np.zeros((2, trial.sizes["time"]))
+    for onset, kind in zip(onsets, kinds, strict=True):
+        inside = slice(round(1000 * onset), round(1000 * onset) + 100)
+        channels[:, inside] = [[5.0], [kind]]
+    trial = trial.assign(
+        {name: ("time", row) for name, row in zip(("trigger", "kind"), channels, strict=True)}
+    )
+    folder = tmp_path_factory.mktemp("walk")
+    arrays = {name: variable.values for name, variable in trial.data_vars.items()}
+    marks = {"onsets": onsets, "kinds": kinds, "short": kinds[:-1]}
+    savemat(folder / "walk.mat", {**arrays, **marks, "fs": 1000.0})
+    return folder / "walk.mat", identify(trial, "ensemble", onsets=onsets, condition=kinds)
+
+
+@pytest.mark.parametrize(("onsets", "condition"), [("onsets", "kinds"), ("trigger", "kind")])
+def test_identify_windows_of_a_recording(run, walk, tmp_path, onsets, condition):
+    path, expected = walk
+    words = ("--method", "ensemble", "--onsets", onsets, "--condition", condition)
+    result = run("identify", path, *words, "--output", tmp_path)
+    assert result.status == 0, result.err
+    assert "conditions: 0 (" in result.out
+    saved = load_estimate(tmp_path / "walk" / "ensemble.nc")
+    assert saved == expected
+    table = pd.read_csv(tmp_path / "recordings.csv")
+    assert table["K"][0] == pytest.approx(expected["K"])
+    assert (tmp_path / "walk" / "figure-conditions.png").stat().st_size > 0
+    torques = pd.read_csv(tmp_path / "walk" / "ensemble.csv")
+    np.testing.assert_allclose(torques["torque_net_nm"], expected.torque["net"])
+    again = run("identify", path, *words, "--output", tmp_path)
+    assert (again.status, "--overwrite" in again.err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--method ensemble", "needs --onsets and --condition"),
+        ("--onsets onsets --condition kinds", "it alone takes windows"),
+        ("--method ensemble --method riv --onsets onsets", "and these no other method"),
+        ("--method ensemble --onsets onsets", "--onsets needs --condition"),
+        ("--method ensemble --onsets onsets --condition short", "one condition for each onset"),
+        ("--method ensemble --onsets press --condition kinds", "no variable 'press'"),
+        ("--method ensemble --onsets onsets --condition kinds --option slop=1", "no option 'slop'"),
+    ],
+)
+def test_windows_that_cannot_be_identified(run, walk, tmp_path, words, message):
+    result = run("identify", walk[0], *words.split(), "--output", tmp_path / "results")
+    assert result.status != 0
+    assert message in result.out + result.err

@@ -6,9 +6,10 @@ import scipy.io
 import xarray as xr
 from value_comparison import assert_same_estimate
 
-from ankleloop import METHODS, DataError, identify, load_estimate, save_estimate, simulate
+from ankleloop import DataError, identify, load_estimate, save_estimate, simulate
+from ankleloop.methods.registry import RECORD_METHODS
 
-CASES = {method: (method, {}) for method in METHODS}
+CASES = {method: (method, {}) for method in RECORD_METHODS}
 CASES |= {
     "riv all": ("riv", {"delay": None, "order": 3, "basis": "spline", "identification_rate": 50.0}),
     "moesp free": ("pr-moesp", {"free_b": True, "input_matrices": "instruments", "order": None}),

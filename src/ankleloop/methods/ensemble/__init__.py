@@ -1,0 +1,1 @@
+"""Ensembles of short windows around perturbations, in closed loop."""
