@@ -117,8 +117,8 @@ def draw_settings(effect, size, seed):
     return settings
 
 
-def judge(effect, size, methods, seed):
-    """For each method whether it warned, was right or wrong (by 15 % of K, B or G), and the relative errors."""
+def make_trial(effect, size, seed):
+    """A trial with an effect, and its true parameters."""
     settings = draw_settings(effect, size, seed)
     trial = simulate_independently(seed, **settings)
     channels = {name: trial[name].to_numpy() for name in ALL}
@@ -127,7 +127,12 @@ def judge(effect, size, methods, seed):
         channels |= {name: function(channels[name], size, trial) for name in names}
     if effect != GOOD:
         trial = new_trial(sampling_rate=1000.0, **channels)
-    truths = TRUTHS | {"G": settings.get("gain", TRUTHS["G"])}
+    return trial, TRUTHS | {"G": settings.get("gain", TRUTHS["G"])}
+
+
+def judge(effect, size, methods, seed):
+    """For each method whether it warned, was right or wrong (by 15 % of K, B or G), and the relative errors."""
+    trial, truths = make_trial(effect, size, seed)
     rows = []
     for method in methods:
         estimate = identify(trial, method.split(",")[0], **METHODS[method])

@@ -131,18 +131,29 @@ def _draw_command(kind, rng, samples):
 
 
 def simulate_independently(
-    seed, *, kind="prbs", duration=50.0, rate=1000, voluntary=0.05, snr_db=10.0, **plant
+    seed,
+    *,
+    kind="prbs",
+    duration=50.0,
+    rate=1000,
+    voluntary=0.05,
+    snr_db=10.0,
+    cutoff=200.0,
+    order=4,
+    **plant,
 ):
     """A trial with a command of one of `KINDS` and properties of a `Plant`, at a rate [Hz] that divides 10 kHz.
 
-    Voluntary torque and noise (none for infinity) are over the standard deviation of the torque without both.
+    Voluntary torque and noise (none for infinity) are over the standard deviation of the torque without both. Cutoff
+    [Hz] and order are those of the filter before samples are taken; there is none for order 0.
     """
     plant = Plant(**plant)
     rng = np.random.default_rng(seed)
     samples = SETTLING + round(duration * FAST)
 
     def record(channel):
-        return _pass_low(channel, min(200.0, 0.2 * rate))[SETTLING :: FAST // rate]
+        filtered = _pass_low(channel, min(cutoff, 0.2 * rate), order) if order else channel
+        return filtered[SETTLING :: FAST // rate]
 
     command = _draw_command(kind, rng, samples)
     slow = _pass_low(rng.standard_normal(samples), 2.0, order=2)
