@@ -151,6 +151,8 @@ class Method:
         Whether it merges several trials into one identification.
     least : float
         Time of each of several trials that has to be left beside the filters [s].
+    judges_reference : bool
+        Whether it refuses a reference that is too weak, and a torque that does not answer it, by itself.
     validity : Validity
         In which loop it is valid, and with which options; by default it is not known to be valid in closed loop.
     offer : Offer, optional
@@ -173,6 +175,7 @@ class Method:
     reference: Callable[[Any], str | None] = find_reference
     merges: bool = False
     least: float = 0.0
+    judges_reference: bool = False
     validity: Validity = UNKNOWN
     offer: Offer | None = None
 
@@ -187,7 +190,8 @@ class Method:
         if len(trials) > 1 and self.least:  # a single one is refused for what it does not show
             self._check_lengths(trials, chosen)
         reference = self.reference(chosen)
-        data_warnings = check_data(trials, reference, **_data_use(chosen))
+        judged = self.judges_reference and reference not in (None, "position")
+        data_warnings = check_data(trials, reference, judged=judged, **_data_use(chosen))
         estimate = self.identify(trials if self.merges else trials[0], chosen)
         diagnostics = dict(estimate.diagnostics)
         assumptions = _list_assumptions(chosen, reference)

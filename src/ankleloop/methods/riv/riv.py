@@ -8,6 +8,7 @@ from functools import partial
 from math import inf
 from typing import Literal
 
+from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import NO_REFLEX
 from ankleloop.joint.intervals import Uncertainty
@@ -46,6 +47,7 @@ from ankleloop.methods.riv.equations import (
     describe_lost_pole,
 )
 from ankleloop.methods.riv.search import Search, solve
+from ankleloop.methods.riv.strength import check_answer, check_strength
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
 
@@ -117,6 +119,12 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
         (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them. Where a warning asks
         for options of `read_trial`, `remedy` has their values.
 
+    Raises
+    ------
+    DataError
+        If the instruments are weak (`ankleloop.methods.riv.strength.measure_strength`), or the torque has nothing to
+        do with the movement that the reference explains.
+
     References
     ----------
     P. C. Young, "Recursive Estimation and Time-Series Analysis", Springer, 2011. M. Gilson, H. Garnier, P. C. Young,
@@ -133,6 +141,22 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
     True
     """
     check_intervals(options.intervals, trials)
+    solution, assumptions = find_solution(trials, options)
+    if not solution.equations.open_loop:
+        for finding in (check_strength(solution), check_answer(solution)):
+            if finding.verdict == "refused":
+                raise DataError(finding.text)
+    constancy = measure_constancy(solution) if solution.converged else None
+    estimate = _estimate(trials, solution, options, assumptions, constancy)
+    if not solution.converged:
+        return estimate
+    return with_alternatives(estimate, find_alternatives(solution), trials[0])
+
+
+def find_solution(
+    trials: Sequence[PreparedTrial], options: RivOptions
+) -> tuple[Search, list[str]]:
+    """Solution of the equations, with the delay and the reflex that the record shows, and what is assumed."""
     solution = _solve(trials, options, estimate_delay=options.delay is None)
     assumptions = []
     if options.delay is None and not _shows_delay(solution):
@@ -140,12 +164,7 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
             f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
         ]
         solution = _solve(trials, options, estimate_delay=False)
-    solution = _prefer_passive(solution)
-    constancy = measure_constancy(solution) if solution.converged else None
-    estimate = _estimate(trials, solution, options, assumptions, constancy)
-    if not solution.converged:
-        return estimate
-    return with_alternatives(estimate, find_alternatives(solution), trials[0])
+    return _prefer_passive(solution), assumptions
 
 
 def _solve(trials: Sequence[PreparedTrial], options: RivOptions, *, estimate_delay: bool) -> Search:
@@ -297,6 +316,7 @@ METHODS = (
         identify_riv,
         merges=True,
         least=LEAST_BESIDE_FILTERS,
+        judges_reference=True,
         validity=Validity(closed={}, without_reference=POSITION),
         offer=Offer(
             "Refined instrumental variables",

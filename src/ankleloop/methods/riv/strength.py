@@ -6,6 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from ankleloop.checks.findings import Finding
+from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.riv.alternatives import normal_score
 from ankleloop.methods.riv.equations import Point
 from ankleloop.methods.riv.search import Search
@@ -19,7 +20,9 @@ LARGEST_F = 1e6  # of instruments that are the regressors themselves
 
 
 def measure_strength(point: Point) -> float:
-    r"""F statistic of the direction of the regressors that the instruments explain least.
+    r"""F statistic of the direction of the movement that the instruments explain least.
+
+    The regressors are those of K, B and I, and the reflex torque, whatever the number of basis functions behind it.
 
     With the smallest canonical correlation ρ of regressors and instruments, both whitened as the equations weight them,
     n independent samples and q taps of the response to the reference that the instruments are made of,
@@ -30,11 +33,8 @@ def measure_strength(point: Point) -> float:
     and Stock, Econometrica 65(3), 557-586, 1997; Cragg and Donald, Econometric Theory 9(2), 222-240, 1993).
     """
     equations = point.equations
-    linear = slice(point.parameters.linear.size)
-    root = np.sqrt(point.level)
     columns = [
-        np.hstack([rows.real, rows.imag]).T
-        for rows in (point.regressors[linear] / root, point.instruments[linear] / root)
+        _whiten_directions(point, spectra) for spectra in (point.regressors, point.instruments)
     ]
     correlation = np.cos(linalg.subspace_angles(*columns)[0])
     taps = count_taps(equations.records[0].rate)
@@ -42,6 +42,17 @@ def measure_strength(point: Point) -> float:
     explained = correlation**2
     ratio = explained / max(1.0 - explained, 1.0 / LARGEST_F)
     return float(ratio * max(samples - taps, 0.0) / taps)
+
+
+def _whiten_directions(point: Point, spectra: np.ndarray) -> np.ndarray:
+    """Inputs of K, B and I and the reflex torque, as the equations weight them, real and imaginary parts.
+
+    Shapes: spectra (unknowns, frequencies), returns (2 frequencies, 4).
+    """
+    coefficients = point.parameters.linear[MOTION:]
+    reflex = coefficients @ spectra[MOTION : MOTION + coefficients.size]
+    rows = np.vstack([spectra[:MOTION], reflex]) / np.sqrt(point.level)
+    return np.hstack([rows.real, rows.imag]).T
 
 
 def check_strength(solution: Search) -> Finding:

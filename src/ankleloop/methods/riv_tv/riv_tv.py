@@ -30,6 +30,7 @@ from ankleloop.methods.riv.constancy import (
     describe_changes,
 )
 from ankleloop.methods.riv.equations import ABSENT_REFLEX, SHOWN_REFLEX, describe_lost_pole
+from ankleloop.methods.riv.strength import WEAK
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
@@ -37,7 +38,6 @@ from ankleloop.methods.riv_tv.solution import MOST_ROUNDS, TimeVaryingSolution, 
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
-WEAK = 10.0  # F statistic of weak instruments (Staiger and Stock 1997)
 
 
 def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> Estimate:
