@@ -212,7 +212,7 @@ def _combine_effects(solution: Search, step: Step) -> Alternative:
     moved = solution.point.parameters.linear[:MOTION] + step.move[:MOTION]
     stiffness = dict(zip(STIFFNESS, moved.tolist(), strict=True))
     score = normal_score(step.sizes, step.covariance)
-    return Alternative(TOGETHER, step.sizes, score, compute_shifts(solution.values, stiffness))
+    return Alternative(TOGETHER, step.sizes, score, compute_shifts(solution.shown_values, stiffness))
 
 
 def _add_further(alternatives: list[Alternative]) -> list[Alternative]:
@@ -249,7 +249,7 @@ def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
     return replace(
         alternative,
         size=np.squeeze(sizes),
-        shifts=compute_shifts(solution.values, freed.point.values),
+        shifts=compute_shifts(solution.shown_values, freed.point.values),
         freed=freed,
     )
 
@@ -370,5 +370,5 @@ def _free_unknown(unknown: str, start: Parameters, solution: Search) -> list[Alt
     if not (freed.converged and shown):
         return []
     score = size / freed.error(unknown)
-    shifts = compute_shifts(solution.values, point.values)
+    shifts = compute_shifts(solution.shown_values, point.values)
     return [Alternative(unknown, point.values[unknown], score, shifts)]

@@ -165,6 +165,8 @@ def describe_changes(
     find_lags: Callable[[], Lags] | None = None,
 ) -> list[str]:
     """Warnings about the parts that are so different that the whole says little about them."""
+    if not values:
+        return []
     relative = [
         np.abs(constancy.deviations[name] / values[name]) for name in NAMES if name in values
     ]

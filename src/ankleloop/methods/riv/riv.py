@@ -239,7 +239,7 @@ def _estimate(
     if constancy is not None:
         kind, uncertainty = _quantify(solution, values, options.intervals, constancy)
         find_lags = partial(measure_lags, solution)
-        warnings += describe_changes(constancy, solution.values, find_lags)
+        warnings += describe_changes(constancy, solution.shown_values, find_lags)
     inputs = replace(ModelInputs.of(equations.records[0]), delay=values["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]

@@ -47,11 +47,14 @@ def measure_strength(point: Point) -> float:
 def _whiten_directions(point: Point, spectra: np.ndarray) -> np.ndarray:
     """Inputs of K, B and I and the reflex torque, as the equations weight them, real and imaginary parts.
 
-    Shapes: spectra (unknowns, frequencies), returns (2 frequencies, 4).
+    Shapes: spectra (unknowns, frequencies), returns (2 frequencies, 4), or 3 of a joint without a reflex.
     """
     coefficients = point.parameters.linear[MOTION:]
     reflex = coefficients @ spectra[MOTION : MOTION + coefficients.size]
-    rows = np.vstack([spectra[:MOTION], reflex]) / np.sqrt(point.level)
+    rows = spectra[:MOTION]
+    if not point.parameters.passive:
+        rows = np.vstack([rows, reflex])
+    rows = rows / np.sqrt(point.level)
     return np.hstack([rows.real, rows.imag]).T
 
 
