@@ -1,7 +1,7 @@
-"""How many right estimates are refused, warned of or remarked, and how many wrong ones are not: the counts of four sets.
+"""How many right estimates are refused, warned of or remarked, and how many wrong ones are not: counts of four sets.
 
-`python benchmarks/verdicts.py` prints them; an argument is the name of a set. An estimate is right where each of K, B, I
-and G that it gives is within 15 %; it is silently wrong where one is not, its interval excludes the truth, and there
+`python benchmarks/verdicts.py` prints them; an argument is the name of a set. An estimate is right where each of K, B,
+I and G that it gives is within 15 %; it is silently wrong where one is not, its interval excludes the truth, and there
 is no warning (a remark is none).
 """
 
@@ -38,7 +38,6 @@ RIGS = {
     "quantisation": {},
     "noise of the position": {},
 }
-LOADS_OF_SUBJECT = LOADS
 
 
 def shift_torque(trial, seconds):
@@ -102,29 +101,38 @@ def with_truths(make, *arguments):
     return make(*arguments), TRUTHS
 
 
-def list_cases(seeds=6):
-    """Set, kind and how to make the trial of each case."""
-    cases = []
-    for fault in FAULTS:
-        for number in range(seeds):
-            seed = SEED + number
-            cases.append(("faults", fault, partial(with_truths, make_faulty_trial, fault, seed)))
+def list_faults(seeds):
+    """Kind and maker of each faulty trial."""
+    cases = [
+        (fault, partial(with_truths, make_faulty_trial, fault, SEED + number))
+        for fault in FAULTS
+        for number in range(seeds)
+    ]
     for effect, (sizes, *_) in EFFECTS.items():
         for size in sizes if effect != GOOD else ():
             for number in range(seeds):
                 make = partial(make_trial, effect, size, SEED + 1000 + number)
-                cases.append(("faults", f"{effect} {size:g}", make))
-    for number in range(400):
-        make = partial(with_truths, make_good_trial, number, SEED + 2000 + number)
-        cases.append(("good", "good", make))
-    for number in range(12):
-        for joint in JOINTS:
-            for rig in RIGS:
-                make = partial(make_rig_trial, joint, rig, SEED + 3000 + number)
-                cases.append(("rigs", f"{joint}, {rig}", make))
-    for number in range(400):
-        cases.append(("loud", "loud", partial(make_loud_trial, SEED + 4000 + number)))
+                cases.append((f"{effect} {size:g}", make))
     return cases
+
+
+def list_cases():
+    """Set, kind and maker of each trial."""
+    cases = {
+        "faults": list_faults(seeds=6),
+        "good": [
+            ("good", partial(with_truths, make_good_trial, number, SEED + 2000 + number))
+            for number in range(400)
+        ],
+        "rigs": [
+            (f"{joint}, {rig}", partial(make_rig_trial, joint, rig, SEED + 3000 + number))
+            for number in range(12)
+            for joint in JOINTS
+            for rig in RIGS
+        ],
+        "loud": [("loud", partial(make_loud_trial, SEED + 4000 + number)) for number in range(400)],
+    }
+    return [(name, *case) for name, part in cases.items() for case in part]
 
 
 def judge(trial, truths):
@@ -184,9 +192,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("sets", nargs="*", default=["faults", "good", "rigs", "loud"])
     parser.add_argument("--rows", help="file for the outcome of each record (CSV)")
+    parser.add_argument(
+        "--every", type=int, default=1, help="take every n-th record; an odd number keeps all loads"
+    )
     arguments = parser.parse_args()
     rows = []
-    for name, kind, make in list_cases():
+    for name, kind, make in list_cases()[:: arguments.every]:
         if name in arguments.sets:
             rows.append({"set": name, "kind": kind, **judge(*make())})
     outcomes = pd.DataFrame(rows)

@@ -66,9 +66,7 @@ def check_data(
         place = name_trial(number, len(trials))
         warnings += [f"{place}{finding.text}" for finding in findings if finding]
     if reference and reference != "position":
-        warnings += _check_references(
-            trials, reference, delay, identification_rate, judged=judged
-        )
+        warnings += _check_references(trials, reference, delay, identification_rate, judged=judged)
     if warnings:  # what a fault of a channel excites, or does not, says little
         return warnings
     velocities = []

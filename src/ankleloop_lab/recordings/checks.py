@@ -203,8 +203,8 @@ def _check_instruments(
 ) -> tuple[Finding, Finding]:
     """Whether the reference can serve as an instrument, and whether the torque has to do with the movement.
 
-    Where `riv` can be had, both are its own rules: voluntary torque can hide the relation of torque and movement, and not
-    that to the reference. A reference that is not ok leaves a recording that may be one in open loop.
+    Where `riv` can be had, both are its own rules: voluntary torque can hide the relation of torque and movement, and
+    not that to the reference. A reference that is not ok leaves a recording that may be one in open loop.
     """
     relation = merge_findings(
         [

@@ -212,7 +212,9 @@ def _combine_effects(solution: Search, step: Step) -> Alternative:
     moved = solution.point.parameters.linear[:MOTION] + step.move[:MOTION]
     stiffness = dict(zip(STIFFNESS, moved.tolist(), strict=True))
     score = normal_score(step.sizes, step.covariance)
-    return Alternative(TOGETHER, step.sizes, score, compute_shifts(solution.shown_values, stiffness))
+    return Alternative(
+        TOGETHER, step.sizes, score, compute_shifts(solution.shown_values, stiffness)
+    )
 
 
 def _add_further(alternatives: list[Alternative]) -> list[Alternative]:

@@ -153,9 +153,7 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
     return with_alternatives(estimate, find_alternatives(solution), trials[0])
 
 
-def find_solution(
-    trials: Sequence[PreparedTrial], options: RivOptions
-) -> tuple[Search, list[str]]:
+def find_solution(trials: Sequence[PreparedTrial], options: RivOptions) -> tuple[Search, list[str]]:
     """Solution of the equations, with the delay and the reflex that the record shows, and what is assumed."""
     solution = _solve(trials, options, estimate_delay=options.delay is None)
     assumptions = []

@@ -1,15 +1,15 @@
-"""Whether the reference carries an estimate by `riv`: how strong its instruments are, and whether the torque answers."""
+"""Whether the reference carries an estimate by `riv`: the strength of its instruments, and the answer of the torque."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy import linalg
 
 from ankleloop.checks.findings import Finding
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.riv.alternatives import normal_score
 from ankleloop.methods.riv.equations import Point
 from ankleloop.methods.riv.search import Search
+from ankleloop.signals.least_squares import invert_scaled
 from ankleloop.signals.responses import count_taps
 
 WEAK = 10.0  # F statistic of weak instruments (Staiger and Stock 1997)
@@ -20,27 +20,29 @@ LARGEST_F = 1e6  # of instruments that are the regressors themselves
 
 
 def measure_strength(point: Point) -> float:
-    r"""F statistic of the direction of the movement that the instruments explain least.
+    r"""F statistic of the instruments for K.
 
-    The regressors are those of K, B and I, and the reflex torque, whatever the number of basis functions behind it.
+    With the share ρ² of the precision of K that instruments Z leave of that which the regressors X themselves would
+    give, both whitened as the equations weight them, n independent samples, and q taps of the response to the reference
+    that the instruments are made of,
 
-    With the smallest canonical correlation ρ of regressors and instruments, both whitened as the equations weight them,
-    n independent samples and q taps of the response to the reference that the instruments are made of,
+    .. math:: \rho^2 = \frac{[(X'X)^{-1}]_{KK}}{[(Z'X)^{-1} Z'Z (X'Z)^{-1}]_{KK}}, \qquad
+              F = \frac{\rho^2}{1 - \rho^2} \, \frac{n - q}{q} .
 
-    .. math:: F = \frac{\rho^2}{1 - \rho^2} \, \frac{n - q}{q} .
-
-    By a reference that has nothing to do with the movement it is about 1 or less, however long the record is (Staiger
-    and Stock, Econometrica 65(3), 557-586, 1997; Cragg and Donald, Econometric Theory 9(2), 222-240, 1993).
+    X are the inputs of K, B and I, and the torque of the reflex, whatever basis it has. By a reference that has nothing
+    to do with the movement F is about 1 or less, however long the record is (Staiger and Stock, Econometrica 65(3),
+    557-586, 1997; for one of several regressors: Sanderson and Windmeijer, Journal of Econometrics 190(2), 212-221,
+    2016).
     """
     equations = point.equations
-    columns = [
-        _whiten_directions(point, spectra) for spectra in (point.regressors, point.instruments)
-    ]
-    correlation = np.cos(linalg.subspace_angles(*columns)[0])
+    regressors = _whiten_directions(point, point.regressors)
+    instruments = _whiten_directions(point, point.instruments)
+    best = invert_scaled(regressors.T @ regressors)[0, 0]
+    influence = invert_scaled(instruments.T @ regressors)[0]
+    share = best / (influence @ (instruments.T @ instruments) @ influence)
     taps = count_taps(equations.records[0].rate)
     samples = 2.0 * point.noise.size / equations.band.correlation
-    explained = correlation**2
-    ratio = explained / max(1.0 - explained, 1.0 / LARGEST_F)
+    ratio = share / max(1.0 - share, 1.0 / LARGEST_F)
     return float(ratio * max(samples - taps, 0.0) / taps)
 
 
@@ -59,12 +61,12 @@ def _whiten_directions(point: Point, spectra: np.ndarray) -> np.ndarray:
 
 
 def check_strength(solution: Search) -> Finding:
-    """Whether the reference is strong enough an instrument for every direction of the movement."""
+    """Whether the reference is strong enough an instrument."""
     name = solution.equations.records[0].reference_name
     strength = measure_strength(solution.point)
     text = (
-        f"the direction of the movement that {name} explains least has an F statistic of {strength:.3g}, and weak "
-        f"instruments have less than {WEAK:g}"
+        f"for K the instruments that {name} makes have an F statistic of {strength:.3g}, and weak ones have less than "
+        f"{WEAK:g}"
     )
     if strength >= WEAK:
         return Finding("reference", "ok", f"{text}.")
@@ -81,7 +83,9 @@ def check_answer(solution: Search) -> Finding:
     linear = solution.point.parameters.linear
     block = slice(linear.size)
     score = abs(normal_score(linear, solution.covariance[block, block]))
-    text = f"the torque answers the movement that the reference explains: {score:.3g} standard errors"
+    text = (
+        f"the torque answers the movement that the reference explains: {score:.3g} standard errors"
+    )
     if score >= RELATED:
         return Finding("relation", "ok", f"{text}.")
     return Finding(

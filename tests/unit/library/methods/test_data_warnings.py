@@ -19,7 +19,7 @@ def draw(trial, scale=1.0):
 
 REFERENCE_FAULTS = {
     "is the torque itself": lambda trial: change(trial, reference=2 - 0.01 * trial["torque"]),
-    "reference explains .*: it is too weak an instrument": lambda trial: change(
+    "reference .*: it is too weak an instrument": lambda trial: change(
         trial, reference=draw(trial)
     ),
 }
