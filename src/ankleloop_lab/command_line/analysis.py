@@ -177,7 +177,9 @@ def show_results(table: pd.DataFrame, folder: Path) -> None:
         echo(first["reasons"])
     if not valid.empty:
         cells = format_parameters(valid)
-        cells[""] = np.where(valid["trusted"], "", "warning")
+        cells[""] = np.where(
+            valid["trusted"], np.where(valid["remarks"].ne(""), "remarked", ""), "warned"
+        )
         echo(f"\n{cells.set_index(valid['label']).rename_axis(None).to_string()}")
     for _, row in table[table["verdict"] != "refused"].drop(valid.index).iterrows():
         echo(f"not fitted: {row['label']}: {row['warnings']}")
@@ -201,9 +203,9 @@ def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
         cells.insert(0, "loop", recommended["loop"])
         cells.insert(1, "recommended", recommended["label"])
         echo(f"\n{cells.set_index(recommended['recording']).rename_axis(None).to_string()}")
-        remarks = recommended.set_index("recording")["interval_remark"].dropna()
+        remarks = recommended.set_index("recording")["remarks"].dropna()
         for name, remark in remarks[remarks != ""].items():
-            echo(f"{name}: intervals reach further to one side: {remark}")
+            echo(f"{name}: {remark}")
     without = set(table["recording"]) - set(recommended["recording"])
     if without:
         echo(f"\nno recommendation: {', '.join(sorted(without))}")

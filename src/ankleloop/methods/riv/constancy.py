@@ -10,12 +10,19 @@ import numpy as np
 from scipy import special
 
 from ankleloop.errors import DataError
-from ankleloop.methods.riv.alternatives import SIGNIFICANT, find_steps, is_large, normal_score
+from ankleloop.joint.verdicts import TOLERANCE
+from ankleloop.methods.riv.alternatives import (
+    SIGNIFICANT,
+    SMALLEST_SHIFT,
+    find_steps,
+    normal_score,
+)
 from ankleloop.methods.riv.search import Search
 from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
 
 NAMES = (*STIFFNESS, "G")
+CERTAIN = 6.0  # standard errors: parts that differ by so much are warned of from the tolerance on, others from twice it
 NAMED = 3.0  # standard errors: a smaller deviation is not named
 LARGEST_RATIO = 10.0  # of two values: one over another that is nearly zero says nothing
 # Probability of deviations as large, if all trials had the same parameters: chosen. Measured: where K varies by 3 %
@@ -163,25 +170,28 @@ def describe_changes(
     constancy: Constancy,
     values: Mapping[str, float],
     find_lags: Callable[[], Lags] | None = None,
-) -> list[str]:
-    """Warnings about the parts that are so different that the whole says little about them."""
+) -> dict[str, list[str]]:
+    """Warnings about the parts that are so different that the whole says little about them; else a remark of halves."""
     if not values:
-        return []
+        return {}
     relative = [
         np.abs(constancy.deviations[name] / values[name]) for name in NAMES if name in values
     ]
-    pairs = zip(constancy.scores, np.max(relative, axis=0), strict=True)
-    changes = [
-        number
-        for number, (score, shift) in enumerate(pairs)
-        if score > SIGNIFICANT and is_large(score, shift)
-    ]
-    if not changes:
-        return []
+    shifts = np.max(relative, axis=0)
+    shown = constancy.scores > SIGNIFICANT
+    tolerances = np.where(constancy.scores > CERTAIN, TOLERANCE, 2.0 * TOLERANCE)
+    changes = np.flatnonzero(shown & (shifts > tolerances))
+    is_small = not changes.size
+    if is_small and (constancy.merged or not np.any(shown & (shifts > SMALLEST_SHIFT))):
+        return {}
     lags = None if find_lags is None else find_lags()
     if constancy.merged:
-        return [_describe_trial(constancy, values, lags, number) for number in changes]
-    return [_describe_halves(constancy, values, lags)]
+        return {
+            "warnings": [
+                _describe_trial(constancy, values, lags, number) for number in changes.tolist()
+            ]
+        }
+    return {"remarks" if is_small else "warnings": [_describe_halves(constancy, values, lags)]}
 
 
 def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: Lags | None) -> str:

@@ -116,8 +116,8 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
         noise_frequency [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint
         that the record shows and the model does not have, with
         their scores (size over standard error) and the relative shifts of K, B, I and G
-        (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them. Where a warning asks
-        for options of `read_trial`, `remedy` has their values.
+        (`ankleloop.methods.riv.alternatives`), and shifts, those of all of them together, which intervals hold. Where a
+        warning asks for options of `read_trial`, `remedy` has their values.
 
     Raises
     ------
@@ -233,11 +233,11 @@ def _estimate(
         ]
     kind = None
     uncertainty = Uncertainty()
-    warnings = _warnings(solution)
+    changes: dict[str, list[str]] = {}
     if constancy is not None:
         kind, uncertainty = _quantify(solution, values, options.intervals, constancy)
         find_lags = partial(measure_lags, solution)
-        warnings += describe_changes(constancy, solution.shown_values, find_lags)
+        changes = describe_changes(constancy, solution.shown_values, find_lags)
     inputs = replace(ModelInputs.of(equations.records[0]), delay=values["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]
@@ -269,7 +269,8 @@ def _estimate(
             "assumptions": assumptions,
             "missing": missing,
             "incomplete": incomplete,
-            "warnings": warnings,
+            "warnings": [*_warnings(solution), *changes.get("warnings", ())],
+            "remarks": changes.get("remarks", []),
         },
         predictor=model,
     )
