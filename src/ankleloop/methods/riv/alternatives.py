@@ -23,6 +23,7 @@ from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 
 SIGNIFICANT = 3.5  # standard errors
+CERTAIN = 6.0  # standard errors: beyond doubt
 MOST_EFFECTS = 3  # that are looked for one beside the other
 SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
 SMALLEST_PROBABILITY = 1e-300
@@ -60,15 +61,9 @@ class Alternative:
         return (self.score if one_sided else abs(self.score)) > SIGNIFICANT
 
     @property
-    def faults(self) -> dict[str, float]:
-        """Shifts of the parameters that are wrong without it, and not defined by it."""
-        defined = EFFECTS[self.effect].defines
-        return {name: shift for name, shift in self.shifts.items() if name != defined}
-
-    @property
     def told(self) -> bool:
         """Whether it moves a parameter by so much that it is told."""
-        return largest_shift(self.faults) > SMALLEST_SHIFT
+        return largest_shift(self.shifts) > SMALLEST_SHIFT
 
     @property
     def is_other_delay(self) -> bool:
@@ -129,46 +124,42 @@ def with_alternatives(
 def _list_totals(alternatives: Sequence[Alternative]) -> list[dict[str, float]]:
     """Sums of what all effects make wrong: with the likeliest ones, and with each rival of the first in its place."""
     first, *others = alternatives
-    beside = [each.faults for each in others]
-    return [add_shifts([each.faults, *beside]) for each in (first, *first.rivals)]
+    beside = [each.shifts for each in others]
+    return [add_shifts([each.shifts, *beside]) for each in (first, *first.rivals)]
 
 
 def _describe_warning(alternatives: Sequence[Alternative], signs: Mapping[str, int]) -> str:
     """What the model lacks, how far it moves parameters, and what to do."""
     first, *others = alternatives
     text = "the model lacks something that depends on the movement."
-    if first.rivals:
-        moves = [
-            f"{each.text} (moves {format_shifts(each.shifts)})" for each in (first, *first.rivals)
-        ]
-        text = (
-            f"{text} The record does not tell what, one of: {'; '.join(moves)}: check each of them."
-        )
+    lookalikes = EFFECTS[first.effect].lookalikes
+    if first.rivals or lookalikes:
+        causes = [f"{each.text} ({_describe_move(each, signs)})" for each in (first, *first.rivals)]
+        text = f"{text} One of: {'; '.join([*causes, *lookalikes])}. The record does not tell which: check each."
     else:
         name = first.text
-        text = f"{text} {name[0].upper()}{name[1:]} explains much of it and moves {_describe_move(first, signs)}"
+        text = f"{text} {name[0].upper()}{name[1:]} explains much of it and {_describe_move(first, signs)}."
     for other in others:
-        text = f"{text} Beside it, {other.text} moves {_describe_move(other, signs)}"
+        text = f"{text} Beside it, {other.text} {_describe_move(other, signs)}."
     return text
 
 
 def _describe_remark(alternatives: Sequence[Alternative], shifts: Mapping[str, float]) -> str:
     """What the model lacks, with a size that the intervals hold."""
     first, *others = alternatives
-    names = [
-        " or ".join(each.text for each in (first, *first.rivals)),
-        *[each.text for each in others],
-    ]
+    causes = [first.text, *[each.text for each in first.rivals], *EFFECTS[first.effect].lookalikes]
+    names = [f"one of: {'; '.join(causes)}" if len(causes) > 1 else first.text]
+    names += [each.text for each in others]
     return (
-        f"the record shows {' and '.join(names)}, which the model lacks: it would move {format_shifts(shifts)}, and "
-        "the intervals hold both values."
+        f"the record shows {', and beside it '.join(names)}. The model lacks that, which would move "
+        f"{format_shifts(shifts)}: the intervals hold both values."
     )
 
 
 def _describe_move(alternative: Alternative, signs: Mapping[str, int]) -> str:
     """What an effect moves, and what to do."""
     advice = EFFECTS[alternative.effect].advice.format(**signs)
-    return f"{format_shifts(alternative.shifts)}: {advice}."
+    return f"moves {format_shifts(alternative.shifts)}: {advice}"
 
 
 def add_shifts(shifts: Iterable[Mapping[str, float]]) -> dict[str, float]:
@@ -208,11 +199,11 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     unexplained = np.sum(np.abs(point.residual) ** 2)
     if unexplained < LEAST_UNEXPLAINED * np.sum(np.abs(solution.equations.torque) ** 2):
         return []
-    effects = list_effects(open_loop=solution.equations.open_loop)
+    effects = list_effects(open_loop=solution.equations.open_loop, passive=point.parameters.passive)
     # Other bases than the rectifier answer both directions.
     answers_both = point.parameters.linear.size > MOTION + 1
     if answers_both:
-        effects.remove("direction")
+        effects = [name for name in effects if name not in ("direction", "threshold")]
     candidates = _free_effects(effects, solution)
     if answers_both:
         candidates.append(_separate_directions(solution))
@@ -292,7 +283,7 @@ def _combine_effects(names: Sequence[str], solution: Search) -> list[Alternative
     shifts = compute_shifts(solution.shown_values, stiffness)
     shown = {name: shifts[name] for name in np.array(STIFFNESS)[certain].tolist() if name in shifts}
     mixture = Alternative(TOGETHER, step.sizes, normal_score(step.sizes, step.covariance), shown)
-    return [mixture] if mixture.significant and shown else []
+    return [mixture] if mixture.score > CERTAIN and shown else []
 
 
 def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
@@ -367,6 +358,7 @@ def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Cha
         rectified=spectra[MOTION],
         reference=equations.reference,
         response=point.parameters.responses(band.s)[0],
+        gain=point.reflex_path.rectifier.gain,
         delay=equations.delay,
         s=band.s,
         transform=band.transform,

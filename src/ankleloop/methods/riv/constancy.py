@@ -12,6 +12,7 @@ from scipy import special
 from ankleloop.errors import DataError
 from ankleloop.joint.verdicts import TOLERANCE
 from ankleloop.methods.riv.alternatives import (
+    CERTAIN,
     SIGNIFICANT,
     SMALLEST_SHIFT,
     find_steps,
@@ -22,7 +23,6 @@ from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
 
 NAMES = (*STIFFNESS, "G")
-CERTAIN = 6.0  # standard errors: parts that differ by so much are warned of from the tolerance on, others from twice it
 NAMED = 3.0  # standard errors: a smaller deviation is not named
 LARGEST_RATIO = 10.0  # of two values: one over another that is nearly zero says nothing
 # Probability of deviations as large, if all trials had the same parameters: chosen. Measured: where K varies by 3 %
@@ -179,6 +179,7 @@ def describe_changes(
     ]
     shifts = np.max(relative, axis=0)
     shown = constancy.scores > SIGNIFICANT
+    # Of parts that differ beyond doubt, and of others.
     tolerances = np.where(constancy.scores > CERTAIN, TOLERANCE, 2.0 * TOLERANCE)
     changes = np.flatnonzero(shown & (shifts > tolerances))
     is_small = not changes.size

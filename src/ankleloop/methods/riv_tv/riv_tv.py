@@ -99,7 +99,7 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
         estimate.diagnostics[kind] = [*estimate.diagnostics.get(kind, ()), *texts]
     candidates = _list_alternatives(trials, solution, options)
     # One step does not tell what one effect leaves of another: the likeliest of those that matter most counts.
-    large = [each for each in candidates if exceeds_tolerance(each.faults) or each.is_other_delay]
+    large = [each for each in candidates if exceeds_tolerance(each.shifts) or each.is_other_delay]
     alternatives = choose_likeliest(large) or choose_likeliest(candidates)
     return with_alternatives(estimate, alternatives, trials[0])
 

@@ -12,6 +12,7 @@ from ankleloop.joint.prepared import prepare
 from ankleloop.joint.verdicts import TOLERANCE
 from ankleloop.methods.riv.alternatives import Alternative, choose_likeliest, with_alternatives
 
+LOADS = ((1.1, 7.1, 250.0), (0.1, 10.0, 100.0))
 QUIET = {"snr_db": None, "voluntary": 0.0}
 CYCLES = {"cycle_onsets": np.arange(0.0, 48.0)}
 
@@ -242,7 +243,7 @@ def test_what_moves_a_parameter_by_less_than_the_tolerance_is_remarked(seed):
     assert estimate.warnings == []
     assert estimate.trusted
     (text,) = estimate.remarks
-    assert text.startswith("the record shows a torque recorded 0.")
+    assert text.startswith("the record shows one of: a torque recorded 0.")
     shifts = estimate.diagnostics["shifts"]
     assert 0.01 < max(map(abs, shifts.values())) < TOLERANCE
     for name, shift in shifts.items():
@@ -250,6 +251,51 @@ def test_what_moves_a_parameter_by_less_than_the_tolerance_is_remarked(seed):
         assert low <= estimate[name] <= high
         assert low <= estimate[name] * (1.0 + shift) <= high
     assert text in repr(estimate)
+
+
+def pass_low(x, cutoff):
+    return signal.sosfilt(signal.bessel(2, cutoff, fs=1000.0, output="sos"), x)
+
+
+def resonate(x):
+    """A fixture of 50 Hz with a damping ratio of 0.05."""
+    omega = 2.0 * np.pi * 50.0
+    return signal.lfilter(*signal.bilinear([omega**2], [1.0, 0.1 * omega, omega**2], 1000.0), x)
+
+
+# What an instrument does to position and torque.
+INSTRUMENTS = {
+    "a low-pass of one channel alone": lambda p, tq: (p, pass_low(tq, 100.0)),
+    "a compliance between joint and sensor": lambda p, tq: (p + tq / 800.0, tq),
+    "a resonance of the fixture": lambda p, tq: (p, resonate(tq)),
+}
+
+
+@pytest.mark.parametrize("load", [(1.1, 7.1, 250.0), (0.1, 10.0, 100.0)])
+@pytest.mark.parametrize("cause", INSTRUMENTS)
+def test_causes_that_look_alike_are_all_named(cause, load):
+    """None of them is called a crosstalk or a stiffness that grows."""
+    trial = simulate(seed=21, load=load, snr_db=20.0)
+    channels = (trial[name].to_numpy() for name in ("position", "torque"))
+    position, torque = INSTRUMENTS[cause](*channels)
+    changed = new_trial(position, torque, 1000.0, trial["reference"].to_numpy())
+    estimate = identify(changed, "riv")
+    (text,) = estimate.warnings + estimate.remarks
+    assert "ne of: a torque recorded" in text
+    assert cause in text
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("threshold", [0.1, 0.3])
+def test_a_threshold_of_the_reflex_is_named_with_its_size(seed, threshold):
+    trial = simulate(seed=seed, reflex_threshold=threshold, load=LOADS[seed % 2])
+    estimate = identify(trial, "riv")
+    text = " ".join(estimate.warnings + estimate.remarks).lower()
+    size = float(text.split("a threshold of the reflex of about ")[1].split()[0])
+    assert size == pytest.approx(threshold, rel=0.5)
+    assert abs(estimate["K"] * (1.0 + estimate.diagnostics["shifts"]["K"]) / 150.0 - 1.0) < 0.08
+    if threshold == 0.3:
+        assert 'take basis="spline"' in estimate.warnings[0]
 
 
 def test_shifts_of_effects_beside_one_another_add_up():
@@ -274,5 +320,8 @@ def test_effects_that_the_record_does_not_tell_apart_are_all_named():
     assert likeliest.effect == "torque_lag"
     trial = simulate(seed=1, duration=20.0)
     (text,) = with_alternatives(identify(trial, "riv"), [likeliest], prepare(trial)).warnings
-    assert "one of: a torque recorded 1 ms after the position (" in text
+    assert (
+        "One of: a torque recorded 1 ms after the position (moves K by +2 %, I by +7 %: record"
+        in text
+    )
     assert "; a crosstalk of the command in the torque of 20 N·m/rad (" in text
