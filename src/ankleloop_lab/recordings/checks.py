@@ -30,7 +30,7 @@ from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import KnownDelayOptions, Trial
 from ankleloop.methods.riv.riv import RivOptions, find_solution
-from ankleloop.methods.riv.strength import check_answer, check_strength
+from ankleloop.methods.riv.strength import check_answer, check_strength, find_unshown
 from ankleloop.options import option, show_fields
 from ankleloop.signals.responses import ReferenceProjection
 from ankleloop_lab.recordings.validity import describe_validity, valid_methods
@@ -156,7 +156,7 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         check_signals(part, record.grid, values.delay)
         for part, record in zip(trials, records, strict=True)
     ]
-    strength, relation = _check_instruments(trials, records, values)
+    strength, relation, *excitation = _check_instruments(trials, records, values)
     usable = strength.verdict == "ok"
     projection = project_records(records) if usable else None
     loop, feedback = check_loop(records, projection)
@@ -168,7 +168,7 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         relation,
         sign,
         merge_findings([check_coherence(record) for record in records]),
-        check_excitation(velocities, values.order, values.block_rows),
+        *(excitation or [check_excitation(velocities, values.order, values.block_rows)]),
         merge_findings([check_drift(record) for record in records]),
         strength,
     ]
@@ -200,11 +200,12 @@ def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> lis
 
 def _check_instruments(
     trials: Sequence[PreparedTrial], records: Sequence[Regressors], options: CheckOptions
-) -> tuple[Finding, Finding]:
-    """Whether the reference can serve as an instrument, and whether the torque has to do with the movement.
+) -> list[Finding]:
+    """Whether the reference can serve as an instrument, and the torque answers it; and what the reference cannot show.
 
-    Where `riv` can be had, both are its own rules: voluntary torque can hide the relation of torque and movement, and
-    not that to the reference. A reference that is not ok leaves a recording that may be one in open loop.
+    Where `riv` can be had, these are its own rules: voluntary torque can hide the relation of torque and movement, and
+    not that to the reference; and it excites what the reference does not. A reference that is not ok leaves a recording
+    that may be one in open loop.
     """
     relation = merge_findings(
         [
@@ -218,20 +219,25 @@ def _check_instruments(
             "there is none. Record the command of the servo, or name its variable: without it a closed loop cannot be "
             "told from an open one."
         )
-        return Finding("reference", "warning", text), relation
+        return [Finding("reference", "warning", text), relation]
     given = {name: getattr(options, name) for name in ("delay", "identification_rate", "reference")}
     try:
         solution, _ = find_solution(trials, RivOptions(**given))
     except DataError as error:
         text = f"what {name} explains of the movement cannot be told: {error}"
-        return Finding("reference", "warning", text), relation
+        return [Finding("reference", "warning", text), relation]
     strength = check_strength(solution)
     faults = [find_reference_fault(trial, name, options.delay) for trial in trials]
     if strength.verdict == "ok" and any(faults):
         strength = merge_findings([fault or strength for fault in faults])
     if strength.verdict != "ok":
-        return replace(strength, verdict="warning"), relation
-    return strength, check_answer(solution)
+        return [replace(strength, verdict="warning"), relation]
+    findings = [strength, check_answer(solution)]
+    unshown, reason = find_unshown(solution)
+    if unshown:
+        text = f"{', '.join(unshown)} are not shown: {reason}."
+        findings.append(Finding("excitation", "warning", text))
+    return findings
 
 
 def _check_sign(

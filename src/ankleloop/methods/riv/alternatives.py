@@ -65,6 +65,14 @@ class Alternative:
         """Whether it moves a parameter by so much that it is told."""
         return largest_shift(self.shifts) > SMALLEST_SHIFT
 
+    def of(self, names: Iterable[str]) -> Alternative:
+        """The alternative with the shifts of some parameters alone."""
+        return replace(
+            self,
+            shifts={name: self.shifts[name] for name in self.shifts if name in names},
+            rivals=tuple(rival.of(names) for rival in self.rivals),
+        )
+
     @property
     def is_other_delay(self) -> bool:
         """Whether it is the delay of no stretch reflex."""
@@ -95,10 +103,11 @@ def with_alternatives(
     They are in the diagnostics. Where all together move a parameter by more than the tolerance, they are a warning,
     else a remark, and intervals hold the values with them, too.
     """
-    shown = [alternative for alternative in alternatives if alternative.told]
+    values = estimate.values
+    given = [alternative.of(values) for alternative in alternatives]
+    shown = [alternative for alternative in given if alternative.told]
     if not shown:
         return estimate
-    values = estimate.values
     shifts = add_shifts([alternative.shifts for alternative in shown])
     intervals = extend_intervals(estimate.intervals, values, shifts)
     diagnostics = dict(estimate.diagnostics)

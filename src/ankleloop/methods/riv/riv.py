@@ -47,7 +47,7 @@ from ankleloop.methods.riv.equations import (
     describe_lost_pole,
 )
 from ankleloop.methods.riv.search import Search, solve
-from ankleloop.methods.riv.strength import check_answer, check_strength
+from ankleloop.methods.riv.strength import check_answer, check_strength, find_unshown
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
 
@@ -122,7 +122,7 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
     Raises
     ------
     DataError
-        If the instruments are weak (`ankleloop.methods.riv.strength.measure_strength`), or the torque has nothing to
+        If the instruments are weak (`ankleloop.methods.riv.strength.measure_strengths`), or the torque has nothing to
         do with the movement that the reference explains.
 
     References
@@ -225,6 +225,13 @@ def _estimate(
         del values["G"], values["threshold"]
         names = "G, ωn and ζ" if path.passive else "G"
         missing = [f"{names}: {path.fault}."]
+    unshown, reason = find_unshown(solution)
+    if unshown:
+        hidden = (
+            unshown if "G" not in unshown else [*unshown, "threshold", *parameters.dynamics.values]
+        )
+        values = {name: value for name, value in values.items() if name not in hidden}
+        missing.append(f"{', '.join(unshown)}: {reason}.")
     incomplete = []
     if point.movement_p < INCOMPLETE:
         incomplete = [
@@ -237,7 +244,8 @@ def _estimate(
     if constancy is not None:
         kind, uncertainty = _quantify(solution, values, options.intervals, constancy)
         find_lags = partial(measure_lags, solution)
-        changes = describe_changes(constancy, solution.shown_values, find_lags)
+        shown = {name: value for name, value in solution.shown_values.items() if name in values}
+        changes = describe_changes(constancy, shown, find_lags)
     inputs = replace(ModelInputs.of(equations.records[0]), delay=values["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]
@@ -250,7 +258,7 @@ def _estimate(
     return Estimate(
         method="riv",
         torque=merge_torques([model.predict(trial) for trial in trials]),
-        stiffness={name: values[name] for name in STIFFNESS},
+        stiffness={name: values[name] for name in STIFFNESS if name in values},
         reflex={name: value for name, value in values.items() if name not in STIFFNESS},
         intervals=uncertainty.intervals(values),
         diagnostics={
