@@ -95,10 +95,8 @@ def _list_curves(label: str, estimate: Estimate) -> list[pd.DataFrame]:
     s = 2j * np.pi * BODE_FREQUENCIES
     curves = []
     if set(STIFFNESS) <= set(estimate.stiffness):  # the record may not show all of them
-        powers = [s**0, s, s**2]
-        response = sum(
-            estimate.stiffness[name] * power for name, power in zip(STIFFNESS, powers, strict=True)
-        )
+        coefficients = np.array([estimate.stiffness[name] for name in STIFFNESS])
+        response = coefficients @ np.vander(s, 3, increasing=True).T
         curves = [
             curve("phase", label, BODE_FREQUENCIES, _phase(response)),
             curve("gain", label, BODE_FREQUENCIES, np.abs(response)),
