@@ -285,6 +285,30 @@ def test_causes_that_look_alike_are_all_named(cause, load):
     assert cause in text
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_missing_filter_is_among_the_causes_that_look_alike(seed):
+    """Aliasing of what lies above half the rate."""
+    fast = simulate(
+        seed=seed, recording_rate=5000.0, antialias_cutoff=2000.0, snr_db=30.0, load=LOADS[seed]
+    )
+    position, torque, reference = (
+        fast[name].to_numpy()[::5] for name in ("position", "torque", "reference")
+    )
+    estimate = identify(new_trial(position, torque, 1000.0, reference), "riv")
+    assert estimate.trusted
+    (text,) = estimate.remarks
+    assert text.startswith("the record shows one of: a torque recorded 0.")
+    assert "no filter before sampling" in text
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_large_threshold_is_named(seed):
+    """Its size is too small: the derivative is that of a small one."""
+    trial = simulate(seed=seed, reflex_threshold=1.0, load=LOADS[seed])
+    (text,) = identify(trial, "riv").warnings
+    assert "A threshold of the reflex of about 0.3" in text
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("threshold", [0.1, 0.3])
 def test_a_threshold_of_the_reflex_is_named_with_its_size(seed, threshold):
