@@ -38,6 +38,10 @@ JOINTS = {
     "reflex of the antagonist [N·m·s/rad]": ((6.5, 13.0), "antagonist"),
     "reflex of both directions [N·m·s/rad]": ((-6.5, -13.0), "antagonist"),
     "fall of K, twice as much of G": ((0.2, 0.4), "fatigue"),
+    "threshold of the reflex [rad/s]": ((0.3, 1.0), "threshold"),
+    "drift of the delay [ms]": ((20.0,), "delay_drift"),
+    "jitter of the delay [ms]": ((8.0,), "delay_jitter"),
+    "reflex in the middle third alone": ((1.0,), "middle"),
     "short-range stiffness [N·m/rad]": ((50.0, 150.0), "short_range"),
     "stiffness that relaxes [N·m/rad]": ((20.0, 50.0), "relaxing"),
     "passive joint, G [N·m·s/rad]": ((0.0, 0.5), "gain"),
@@ -69,6 +73,10 @@ def amplify(x, size, trial):
     return x * np.repeat([1.0, size], x.size // 2)
 
 
+def drift(x, size, trial):
+    return x * np.linspace(1.0, size, x.size)
+
+
 def lose_samples(x, size, trial):
     middle = x.size // 2
     return np.concatenate([x[:middle], np.roll(x[middle:], -size)])
@@ -94,6 +102,7 @@ RECORDERS = {
     "position that saturates [rad]": ((0.04, 0.03), saturate, ["position"]),
     "torque that is clipped [N·m]": ((8.0, 6.0), clip, ["torque"]),
     "gain of the torque from the middle": ((1.5, 2.0), amplify, ["torque"]),
+    "drift of the gain of the torque": ((1.3,), drift, ["torque"]),
     "gain of the position from the middle": ((1.5, 2.0), amplify, ["position"]),
     "samples lost in the torque": ((5, 20), lose_samples, ["torque"]),
     "samples lost in the position": ((5, 20), lose_samples, ["position"]),
@@ -117,8 +126,8 @@ def draw_settings(effect, size, seed):
     return settings
 
 
-def judge(effect, size, methods, seed):
-    """For each method whether it warned, was right or wrong (by 15 % of K, B or G), and the relative errors."""
+def make_trial(effect, size, seed):
+    """A trial with an effect, and its true parameters."""
     settings = draw_settings(effect, size, seed)
     trial = simulate_independently(seed, **settings)
     channels = {name: trial[name].to_numpy() for name in ALL}
@@ -127,13 +136,18 @@ def judge(effect, size, methods, seed):
         channels |= {name: function(channels[name], size, trial) for name in names}
     if effect != GOOD:
         trial = new_trial(sampling_rate=1000.0, **channels)
-    truths = TRUTHS | {"G": settings.get("gain", TRUTHS["G"])}
+    return trial, TRUTHS | {"G": settings.get("gain", TRUTHS["G"])}
+
+
+def judge(effect, size, methods, seed):
+    """For each method whether it warned, was right or wrong (by 15 % of K, B or G), and the relative errors."""
+    trial, truths = make_trial(effect, size, seed)
     rows = []
     for method in methods:
         estimate = identify(trial, method.split(",")[0], **METHODS[method])
-        values = {**estimate.stiffness, **estimate.reflex}
-        errors = {name: (values[name] - truths[name]) / TRUTHS[name] for name in truths}
-        near = max(abs(errors[name]) for name in "KBG") <= 0.15
+        values = estimate.values
+        errors = {name: (values.get(name, np.nan) - truths[name]) / TRUTHS[name] for name in truths}
+        near = np.nanmax([abs(errors[name]) for name in "KBG"]) <= 0.15
         warned = bool(estimate.diagnostics["warnings"])
         counts = {
             "warned": warned,

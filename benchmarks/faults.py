@@ -125,7 +125,8 @@ def judge(trial):
     return rows
 
 
-def judge_fault(fault, seed):
+def make_faulty_trial(fault, seed):
+    """A trial with a fault."""
     settings, functions = FAULTS[fault]
     trial = simulate(seed=seed, **settings)
     if functions:
@@ -137,14 +138,21 @@ def judge_fault(fault, seed):
         trial = new_trial(
             values["position"], values["torque"], RATES.get(fault, 1000.0), values["reference"]
         )
-    return [{"fault": fault, **row} for row in judge(trial)]
+    return trial
+
+
+def make_good_trial(number, seed):
+    """A trial without a fault, of one of the conditions in turn."""
+    load, (snr_db, voluntary), closed = CONDITIONS[number % len(CONDITIONS)]
+    return simulate(seed=seed, load=load, snr_db=snr_db, voluntary=voluntary, closed_loop=closed)
+
+
+def judge_fault(fault, seed):
+    return [{"fault": fault, **row} for row in judge(make_faulty_trial(fault, seed))]
 
 
 def judge_condition(number, seed):
-    load, (snr_db, voluntary), closed = CONDITIONS[number % len(CONDITIONS)]
-    return judge(
-        simulate(seed=seed, load=load, snr_db=snr_db, voluntary=voluntary, closed_loop=closed)
-    )
+    return judge(make_good_trial(number, seed))
 
 
 def measure_faults(seeds, records):

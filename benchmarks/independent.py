@@ -42,6 +42,10 @@ class Plant(NamedTuple):
     inertia: float = 0.015
     gain: float = 13.0
     antagonist: float = 0.0  # reflex gain in the other direction
+    threshold: float = 0.0  # of the reflex [rad/s]
+    middle: float = 0.0  # whether there is a reflex in the middle third of the record alone
+    delay_drift: float = 0.0  # of the delay of the reflex over the record, about its mean [ms]
+    delay_jitter: float = 0.0  # of that delay from second to second, at most [ms]
     reaction: float = 0.0  # to the position, against it [N·m/rad]
     latency: int = 1650  # samples, of the reaction
     cubic: float = 0.0  # N·m/rad³
@@ -81,6 +85,12 @@ def _move(state, plant, stiffness, command, drive, external, rates):
 
 
 @njit(cache=True)
+def _draw_sign(number):
+    """A number from -1 to 1 that looks drawn, the same for each number."""
+    return 2.0 * ((43758.5453 * np.sin(12.9898 * number)) % 1.0) - 1.0
+
+
+@njit(cache=True)
 def _integrate(plant, command, external):
     """States over time, from rest.
 
@@ -91,8 +101,13 @@ def _integrate(plant, command, external):
     for n in range(command.size - 1):
         fatigue = plant.fatigue * (max(n - SETTLING, 0) / (command.size - SETTLING) - 0.5)
         stiffness = plant.stiffness * (1.0 - fatigue)
-        velocity = states[max(n - DELAY, 0), JOINT + 1]
-        drive = plant.gain * (1.0 - 2.0 * fatigue) * max(velocity, 0.0)
+        share = max(n - SETTLING, 0) / (command.size - SETTLING)
+        late = plant.delay_drift * (share - 0.5) + plant.delay_jitter * _draw_sign(n // FAST)
+        velocity = states[max(n - DELAY - round(late * FAST / 1000), 0), JOINT + 1]
+        gain = plant.gain * (1.0 - 2.0 * fatigue)
+        if plant.middle and abs(share - 0.5) > 1.0 / 6.0:
+            gain = 0.0
+        drive = gain * max(velocity - plant.threshold, 0.0)
         drive += plant.antagonist * min(velocity, 0.0)
         drive += plant.reaction * states[max(n - plant.latency, 0), JOINT]
         for stage, share in enumerate((0.0, 0.5, 0.5, 1.0)):
@@ -131,18 +146,29 @@ def _draw_command(kind, rng, samples):
 
 
 def simulate_independently(
-    seed, *, kind="prbs", duration=50.0, rate=1000, voluntary=0.05, snr_db=10.0, **plant
+    seed,
+    *,
+    kind="prbs",
+    duration=50.0,
+    rate=1000,
+    voluntary=0.05,
+    snr_db=10.0,
+    cutoff=200.0,
+    order=4,
+    **plant,
 ):
     """A trial with a command of one of `KINDS` and properties of a `Plant`, at a rate [Hz] that divides 10 kHz.
 
-    Voluntary torque and noise (none for infinity) are over the standard deviation of the torque without both.
+    Voluntary torque and noise (none for infinity) are over the standard deviation of the torque without both. Cutoff
+    [Hz] and order are those of the filter before samples are taken; there is none for order 0.
     """
     plant = Plant(**plant)
     rng = np.random.default_rng(seed)
     samples = SETTLING + round(duration * FAST)
 
     def record(channel):
-        return _pass_low(channel, min(200.0, 0.2 * rate))[SETTLING :: FAST // rate]
+        filtered = _pass_low(channel, min(cutoff, 0.2 * rate), order) if order else channel
+        return filtered[SETTLING :: FAST // rate]
 
     command = _draw_command(kind, rng, samples)
     slow = _pass_low(rng.standard_normal(samples), 2.0, order=2)

@@ -22,6 +22,7 @@ import numpy as np
 import peers
 import scaling
 import time_varying
+import verdicts
 from scipy import signal
 from tools import ROOT, format_table
 
@@ -158,6 +159,8 @@ def measure_faults():
         "each size, two loads, voluntary torque of 5 and 50 %: warned / right / silently wrong / warned for nothing. "
         "Wrong is an error of more than 15 % of K, B or G; the last columns are medians of errors by riv [%].\n\n"
         + effects.measure_effects(),
+        "Refused, warned, remarked": verdicts.DESCRIPTION
+        + verdicts.summarise(verdicts.judge_cases()),
         "Good records": "Kinds of commands, 12 to 300 s, 200 Hz to 10 kHz, with noise and without.\n\n"
         + effects.measure_effects([effects.GOOD], seeds=400),
     }

@@ -37,6 +37,7 @@ def check_data(
     trials: Sequence[PreparedTrial],
     reference: str | None,
     *,
+    judged: bool = False,
     delay: float = 0.04,
     identification_rate: float = 100.0,
     order: int = 2,
@@ -45,7 +46,8 @@ def check_data(
     """Check the data of an identification.
 
     `reference` is the variable whose leads or lags are instruments, `order` and `block_rows` are those for which the
-    movement has to be persistently exciting; None for a method that has none.
+    movement has to be persistently exciting; None for a method that has none. `judged` is whether the method itself
+    refuses a reference that is too weak and a torque that does not answer it: then both are left to it.
 
     The checks are: scale, clipping, stretches at rest, filled gaps and spikes of position and torque; noise of the
     velocity and bandwidth of the torque; whether the torque has to do with the movement, and opposes it; whether the
@@ -59,10 +61,12 @@ def check_data(
             *_find_faults(trial, delay, identification_rate, reference or "reference"),
             find_reference_fault(trial, reference, delay),
         ]
+        if judged:
+            findings = [finding for finding in findings if finding and finding.name != "relation"]
         place = name_trial(number, len(trials))
         warnings += [f"{place}{finding.text}" for finding in findings if finding]
     if reference and reference != "position":
-        warnings += _check_references(trials, reference, delay, identification_rate)
+        warnings += _check_references(trials, reference, delay, identification_rate, judged=judged)
     if warnings:  # what a fault of a channel excites, or does not, says little
         return warnings
     velocities = []
@@ -79,18 +83,18 @@ def check_data(
 def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str) -> list[Finding]:
     """Findings about one trial that are not ok; each is computed once for all methods that take it."""
     grid = trial.grid(rate, delay)
-    findings = check_signals(trial, grid, delay)
+    motion = motion_products(trial, grid)
+    findings = [*check_signals(trial, grid, delay), check_relation(trial, motion)]
     for finding in findings:
         if finding.name == "scale" and finding.verdict != "ok":
             raise DataError(finding.text)
-    motion = motion_products(trial, grid)
-    sign = check_sign(trial, motion.stiffness, motion.explained)
+    sign = check_sign(trial, motion.stiffness)
     if sign.verdict != "ok" and reference != "position" and reference in trial.trial:
         # Least squares may be off by fed-back torque; what the reference explains is not.
         record = rectifier_regressors(trial, delay, rate, reference)
         if check_reference([record]).verdict == "ok":
-            ((stiffness, explained),) = regress_torque_by_reference(project_records([record]))
-            sign = check_sign(trial, stiffness, explained)
+            (stiffness,) = regress_torque_by_reference(project_records([record]))
+            sign = check_sign(trial, stiffness)
     return [finding for finding in (*findings, sign) if finding.verdict != "ok"]
 
 
@@ -106,7 +110,6 @@ def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Findin
         check_bandwidth(trial),
         check_scale(trial, motion),
         check_size(motion),
-        check_relation(trial, motion),
     ]
 
 
@@ -120,7 +123,7 @@ def rectifier_regressors(
 
 
 def _check_references(
-    trials: Sequence[PreparedTrial], name: str, delay: float, rate: float
+    trials: Sequence[PreparedTrial], name: str, delay: float, rate: float, *, judged: bool
 ) -> list[str]:
     """Warnings about the reference; with one that explains nothing the identification is refused."""
     if not all(name in trial.trial for trial in trials):
@@ -137,7 +140,7 @@ def _check_references(
                 f"{name} is a copy of the position, so the results hold only if the loop is open: give the command of "
                 "the servo as reference, or say reference='position'."
             )
-        if later > STRONG_SHARE:
+        if judged or later > STRONG_SHARE:
             continue
         finding = check_reference([rectifier_regressors(trial, delay, rate, name)])
         if finding.verdict == "warning" and len(trials) > 1:  # too short alone

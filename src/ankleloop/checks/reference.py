@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from math import sqrt
 
 import numpy as np
 
-from ankleloop.checks.findings import Finding, merge_findings
-from ankleloop.checks.movement import check_reference
+from ankleloop.checks.findings import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
-from ankleloop.joint.regressors import Grid, Regressors
+from ankleloop.joint.regressors import Grid
 from ankleloop.signals.decimation import usual_rate
 from ankleloop.signals.least_squares import unexplained_share
 from ankleloop.signals.responses import lag_matrix
@@ -146,25 +144,3 @@ def _unexplained_share(
     middle = slice(first, first + samples)
     lagged = lag_matrix(np.column_stack(signals)[middle], leads, lags)
     return unexplained_share(lagged, y[middle][lags : samples - leads], FILTER_RIDGE)
-
-
-def check_instrument(
-    trials: Sequence[PreparedTrial], records: Sequence[Regressors], delay: float
-) -> tuple[bool, Finding]:
-    """Whether the reference can serve as an instrument."""
-    name = records[0].reference_name
-    if name is None:
-        text = (
-            "there is none. Record the command of the servo, or name its variable: without it a closed loop cannot be "
-            "told from an open one."
-        )
-        return False, Finding("reference", "warning", text)
-    finding = check_reference(records)
-    if finding.verdict == "ok":
-        faults = [find_reference_fault(trial, name, delay) for trial in trials]
-        if any(faults):
-            finding = merge_findings([fault or finding for fault in faults])
-    if finding.verdict == "ok":
-        return True, finding
-    # Without a reference the recording may still be identified as one in open loop.
-    return False, replace(finding, verdict="warning")

@@ -31,10 +31,11 @@ if TYPE_CHECKING:
 TRIM = 1.0  # s at either end: transients of filters and initial states are not scored
 SHOWN_CORRELATION = 0.5
 DIGITS = "{:.4g}".format  # of a parameter
-REMARKS = {
+LABELS = {
     "missing": "missing",
     "incomplete": "incomplete",
     "assumptions": "assumed",
+    "remarks": "remark",
     "warnings": "warning",
 }
 
@@ -76,6 +77,7 @@ class Estimate:
     key                                   what it holds
     ====================================  ==============================================================================
     warnings                              what was seen to be wrong, sentences: `warnings`
+    remarks                               what moves parameters by less than the tolerance, sentences: `remarks`
     data_warnings                         those of them that are about the data (`ankleloop.checks.data.check_data`)
     remedy                                options of reading that would help, by name
     assumptions, missing, incomplete      what was taken for granted; which parameters could not be had, and why; how
@@ -83,7 +85,8 @@ class Estimate:
     holds                                 where a method holds that torque which is fed back biases: `holds`
     covariance, freedom, standard_errors  of the parameters: `covariance`, `freedom`, `standard_errors`
     intervals                             how the intervals were made, or None
-    alternatives                          effects that the model lacks, with their `shifts`: `alternatives`
+    alternatives, shifts                  effects that the model lacks, with their shifts; those of all of them
+                                          together: `alternatives`
     variation_p                           probability of a variation as large, by parameter and of "all"
     options, selection                    options that are no defaults; the choice by candidates, "chosen" and its curve
     reference                             variable of which instruments were made
@@ -241,6 +244,16 @@ class Estimate:
         return list(self.diagnostics.get("warnings", ()))
 
     @property
+    def remarks(self) -> list[str]:
+        """What moves a parameter by less than the tolerance, with its size; the interval holds both values."""
+        return list(self.diagnostics.get("remarks", ()))
+
+    @property
+    def trusted(self) -> bool:
+        """Whether there is no warning about the fit (`ankleloop.joint.verdicts`); those about data concern all fits."""
+        return not self.fit_warnings
+
+    @property
     def standard_errors(self) -> dict[str, float]:
         """Standard errors of the parameters by name; empty where the method gives none."""
         return dict(self.diagnostics.get("standard_errors", {}))
@@ -264,24 +277,6 @@ class Estimate:
     def conditions(self) -> dict[str, int]:
         """Trials of each condition of an ensemble by its name, in the order of their torques; else empty."""
         return dict(self.diagnostics.get("conditions", {}))
-
-    @property
-    def interval_remark(self) -> str:
-        """Which intervals reach further to one side, and why: one end is the value with the likeliest effect."""
-        values = self.values
-        for effect in self.alternatives[:1]:
-            shifted = {
-                name: values[name] * (1.0 + shift)
-                for name, shift in effect["shifts"].items()
-                if name in values
-            }
-            wider = [name for name, end in shifted.items() if end in self.intervals.get(name, ())]
-            if wider:
-                return (
-                    f"{', '.join(wider)} reach to the values with {effect['effect']}, which the record shows and the "
-                    "model lacks"
-                )
-        return ""
 
     @property
     def holds(self) -> str:
@@ -337,9 +332,7 @@ class Estimate:
         values = self.values
         uncertainty = Uncertainty(self.diagnostics.get("covariance", {}), self.freedom)
         intervals = uncertainty.intervals(values, level)
-        for effect in self.alternatives[:1]:
-            intervals |= extend_intervals(intervals, values, effect["shifts"])
-        return intervals
+        return extend_intervals(intervals, values, self.diagnostics.get("shifts", {}))
 
     @property
     def vaf_net(self) -> float | None:
@@ -484,9 +477,6 @@ class Estimate:
             between = self.diagnostics.get("intervals") == "between trials"
             mean = "all trials like these" if between else "these trials"
             lines.append(f"intervals: for the mean over {mean} ({trials})")
-        remark = self.interval_remark
-        if remark:
-            lines.append(f"intervals: {remark}")
         correlated = self._list_correlated()
         if correlated:
             lines.append(f"correlated: {', '.join(correlated)}")
@@ -494,7 +484,7 @@ class Estimate:
             lines.append(
                 f"correlated: cannot be judged ({self.freedom:g} degrees of freedom, {len(self.covariance)} parameters)"
             )
-        for kind, label in REMARKS.items():
+        for kind, label in LABELS.items():
             lines += [f"{label}: {text}" for text in self.diagnostics.get(kind, ())]
         return lines
 

@@ -152,7 +152,9 @@ def check_records(method: Method, trials: Sequence[PreparedTrial], options: Any)
     """Warnings about whole records (`check_data`); refuses those of which the filters leave too little to merge."""
     if len(trials) > 1 and method.least:  # a single one is refused for what it does not show
         _check_lengths(method, trials, options)
-    return check_data(trials, method.reference(options), **_data_use(options))
+    reference = method.reference(options)
+    judged = method.judges_reference and reference not in (None, "position")
+    return check_data(trials, reference, judged=judged, **_data_use(options))
 
 
 def _check_lengths(method: Method, trials: Sequence[PreparedTrial], options: Any) -> None:
@@ -192,6 +194,8 @@ class Method:
         Whether it merges several trials into one identification.
     least : float
         Time of each of several trials that has to be left beside the filters [s].
+    judges_reference : bool
+        Whether it refuses a reference that is too weak, and a torque that does not answer it, by itself.
     validity : Validity
         In which loop it is valid, and with which options; by default it is not known to be valid in closed loop.
     offer : Offer, optional
@@ -218,6 +222,7 @@ class Method:
     reference: Callable[[Any], str | None] = find_reference
     merges: bool = False
     least: float = 0.0
+    judges_reference: bool = False
     validity: Validity = UNKNOWN
     offer: Offer | None = None
     prepare: Callable[[Method, Any, Any], list[PreparedTrial]] = prepare_records

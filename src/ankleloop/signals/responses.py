@@ -114,6 +114,16 @@ def _usual_reach(rate: float) -> tuple[int, int]:
     return round(RESPONSE_LEADS * rate), round(RESPONSE_LAGS * rate)
 
 
+def count_taps(rate: float) -> int:
+    """Number of leads and lags of the usual response to a reference.
+
+    >>> count_taps(100.0)
+    96
+    """
+    leads, lags = _usual_reach(rate)
+    return leads + 1 + lags
+
+
 def _cut_rows(record: LaggedRecord, rows: slice) -> LaggedRecord:
     """A part of a record."""
     return LaggedRecord(*(_centre(part[rows]) for part in record))

@@ -186,7 +186,9 @@ def show_results(table: pd.DataFrame, folder: Path) -> None:
         echo(first["reasons"])
     if not valid.empty:
         cells = format_parameters(valid)
-        cells[""] = np.where(valid["trusted"], "", "warning")
+        cells[""] = np.where(
+            valid["trusted"], np.where(valid["remarks"].ne(""), "remarked", ""), "warned"
+        )
         echo(f"\n{cells.set_index(valid['label']).rename_axis(None).to_string()}")
     for _, row in table[table["verdict"] != "refused"].drop(valid.index).iterrows():
         echo(f"not fitted: {row['label']}: {row['warnings']}")
@@ -260,9 +262,9 @@ def _show_summary(
     """Show recommended estimates and what is left out, of many recordings the latter alone."""
     if 0 < len(cells) <= MOST_SHOWN:
         echo(f"\n{cells.set_index('recording').rename_axis(None).to_string()}")
-        remarks = recommended.set_index("recording")["interval_remark"].dropna()
+        remarks = recommended.set_index("recording")["remarks"].dropna()
         for name, remark in remarks[remarks != ""].items():
-            echo(f"{name}: intervals reach further to one side: {remark}")
+            echo(f"{name}: {remark}")
     if len(cells) > MOST_SHOWN:  # others have been shown as they were identified
         echo()
         for name, reason in list(left_out.items())[:MOST_SHOWN]:

@@ -21,7 +21,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import PreparedTrial, prepare
 from ankleloop.methods.riv.equations import NOISE_RESOLUTION
 from ankleloop.options import show_value
-from ankleloop.quantities import SETTINGS
+from ankleloop.quantities import SETTINGS, STIFFNESS
 from ankleloop.signals.spectra import pass_band
 from ankleloop.simulation.settings import SimulationSettings
 from ankleloop.simulation.simulate import draw_perturbation, simulate
@@ -45,6 +45,9 @@ def describe_joint(
             for name, setting in JOINT_SETTINGS.items()
             if name in parameters
         }
+        if not {*STIFFNESS} <= {*parameters}:
+            missing = " ".join(joint.diagnostics["missing"])
+            raise DataError(f"the pilot has to show K, B and I. {missing}")
         if "omega_n" not in parameters:  # a passive joint, whose G is zero within its interval
             values["reflex_gain"] = 0.0
         elif "G" not in parameters:

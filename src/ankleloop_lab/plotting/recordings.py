@@ -20,7 +20,7 @@ from ankleloop.plotting.style import (
     estimate_styles,
     method_styles,
 )
-from ankleloop.quantities import QUANTITIES
+from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop_lab.recordings.comparison import select_rows
 
 LONGEST_RESPONSE = 0.4  # s
@@ -95,12 +95,14 @@ def model_figure(estimates: Mapping[str, Estimate]) -> DataFigure:
 def _list_curves(label: str, estimate: Estimate) -> list[pd.DataFrame]:
     """Curves of a model; those of the reflex are after its delay."""
     s = 2j * np.pi * BODE_FREQUENCIES
-    stiffness = estimate.stiffness
-    response = stiffness["K"] + stiffness["B"] * s + stiffness["I"] * s**2
-    curves = [
-        curve("phase", label, BODE_FREQUENCIES, _phase(response)),
-        curve("gain", label, BODE_FREQUENCIES, np.abs(response)),
-    ]
+    curves = []
+    if set(STIFFNESS) <= set(estimate.stiffness):  # the record may not show all of them
+        coefficients = np.array([estimate.stiffness[name] for name in STIFFNESS])
+        response = coefficients @ np.vander(s, 3, increasing=True).T
+        curves = [
+            curve("phase", label, BODE_FREQUENCIES, _phase(response)),
+            curve("gain", label, BODE_FREQUENCIES, np.abs(response)),
+        ]
     model = estimate.predictor
     if isinstance(model, ResponseModel):
         lags = model.lags()["intrinsic_lag"].values

@@ -313,9 +313,9 @@ def _describe_estimate(
         "residual_related_p": test.related_p,
         **parameter_row(trials, shown),
         **mean_levels(trials),
-        "interval_remark": shown.interval_remark,
         "warnings": " ".join(warnings),
-        "trusted": not warnings,
+        "trusted": estimate.trusted,
+        "remarks": " ".join(estimate.remarks),
         "caution": " ".join(filter(None, [caution, *about_data])),
         # A test whether the joint changes takes what the model or an instrument leaves out for a change.
         "incomplete": bool(test.related or about_data or estimate.alternatives),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,17 +17,20 @@ from ankleloop.checks.findings import VERDICTS, Finding, merge_findings, name_tr
 from ankleloop.checks.loop import check_loop, path_bias
 from ankleloop.checks.movement import (
     check_excitation,
+    check_relation,
     check_sign,
     motion_products,
     project_records,
     regress_torque_by_reference,
 )
 from ankleloop.checks.record import check_coherence, check_drift, check_length, estimate_spectra
-from ankleloop.checks.reference import check_instrument
+from ankleloop.checks.reference import find_reference_fault
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.method import KnownDelayOptions, Trial
+from ankleloop.methods.riv.riv import RivOptions, find_solution
+from ankleloop.methods.riv.strength import check_answer, check_strength, find_unshown
 from ankleloop.options import option, show_fields
 from ankleloop.signals.responses import ReferenceProjection
 from ankleloop_lab.files.reading import LARGEST_JITTER
@@ -154,7 +157,8 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         check_signals(part, record.grid, values.delay)
         for part, record in zip(trials, records, strict=True)
     ]
-    usable, strength = check_instrument(trials, records, values.delay)
+    strength, relation, *excitation = _check_instruments(trials, records, values)
+    usable = strength.verdict == "ok"
     projection = project_records(records) if usable else None
     loop, feedback = check_loop(records, projection)
     sign = _check_sign(trials, records, projection if loop != "open" else None)
@@ -163,9 +167,10 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
         length,
         *_describe_times(trials),
         *map(merge_findings, zip(*signals, strict=True)),
+        relation,
         sign,
         merge_findings([check_coherence(record) for record in records]),
-        check_excitation(velocities, values.order, values.block_rows),
+        *(excitation or [check_excitation(velocities, values.order, values.block_rows)]),
         merge_findings([check_drift(record) for record in records]),
         strength,
     ]
@@ -210,6 +215,48 @@ def _make_records(trials: Sequence[PreparedTrial], options: CheckOptions) -> lis
     return records
 
 
+def _check_instruments(
+    trials: Sequence[PreparedTrial], records: Sequence[Regressors], options: CheckOptions
+) -> list[Finding]:
+    """Whether the reference can serve as an instrument, and the torque answers it; and what the reference cannot show.
+
+    Where `riv` can be had, these are its own rules: voluntary torque can hide the relation of torque and movement, and
+    not that to the reference; and it excites what the reference does not. A reference that is not ok leaves a recording
+    that may be one in open loop.
+    """
+    relation = merge_findings(
+        [
+            check_relation(trial, motion_products(trial, record.grid))
+            for trial, record in zip(trials, records, strict=True)
+        ]
+    )
+    name = records[0].reference_name
+    if name is None:
+        text = (
+            "there is none. Record the command of the servo, or name its variable: without it a closed loop cannot be "
+            "told from an open one."
+        )
+        return [Finding("reference", "warning", text), relation]
+    given = {name: getattr(options, name) for name in ("delay", "identification_rate", "reference")}
+    try:
+        solution, _ = find_solution(trials, RivOptions(**given))
+    except DataError as error:
+        text = f"what {name} explains of the movement cannot be told: {error}"
+        return [Finding("reference", "warning", text), relation]
+    strength = check_strength(solution)
+    faults = [find_reference_fault(trial, name, options.delay) for trial in trials]
+    if strength.verdict == "ok" and any(faults):
+        strength = merge_findings([fault or strength for fault in faults])
+    if strength.verdict != "ok":
+        return [replace(strength, verdict="warning"), relation]
+    findings = [strength, check_answer(solution)]
+    unshown, reason = find_unshown(solution)
+    if unshown:
+        text = f"{', '.join(unshown)} are not shown: {reason}."
+        findings.append(Finding("excitation", "warning", text))
+    return findings
+
+
 def _check_sign(
     trials: Sequence[PreparedTrial],
     records: Sequence[Regressors],
@@ -220,10 +267,5 @@ def _check_sign(
         fits = regress_torque_by_reference(projection)
     else:
         pairs = zip(trials, records, strict=True)
-        motions = [motion_products(trial, record.grid) for trial, record in pairs]
-        fits = [(motion.stiffness, motion.explained) for motion in motions]
-    signs = [
-        check_sign(trial, stiffness, explained)
-        for trial, (stiffness, explained) in zip(trials, fits, strict=True)
-    ]
-    return merge_findings(signs)
+        fits = [motion_products(trial, record.grid).stiffness for trial, record in pairs]
+    return merge_findings(list(map(check_sign, trials, fits)))

@@ -20,6 +20,7 @@ QUANTILE = 0.975  # of two-sided 95 %
 NORMAL = 1.96  # that of the normal distribution
 MOST_SUBJECTS = 1000
 NO_LABEL = ("", "–", None)  # cells without one
+NO_TEXT = ("", None, np.nan)
 
 Row = dict[str, Any]
 
@@ -74,11 +75,12 @@ def compare(
     pandas.DataFrame
         Rows for each `parameter`, with its `unit`. `kind` is "mean" of a `condition`; "difference" of a `condition`
         from a `reference`, or with `between` "group difference"; or, with sessions, "ICC(2,1)", "SEM" and "MDC" of a
-        condition. The number of `subjects`, the `value` with the ends `low` and `high` of its 95 % interval. Of a
-        paired difference also `percent`, `percent_low`, `percent_high`, the mean of the differences in % of the value
-        that each subject has in the reference, where these are positive. Of any difference `needed`, the number of
-        subjects, or of those in each group, that show a difference of `size` with a power of 80 %. Each interval holds
-        by itself.
+        condition. The number of `subjects`, the `value` with the ends `low` and `high` of its 95 % interval. Of a mean
+        how many of its estimates are `remarked`, where the table has `remarks`: what moves the estimates of one
+        condition is a difference. Of a paired difference also `percent`, `percent_low`, `percent_high`, the mean of the
+        differences in % of the value that each subject has in the reference, where these are positive. Of any
+        difference `needed`, the number of subjects, or of those in each group, that show a difference of `size` with a
+        power of 80 %. Each interval holds by itself.
 
     Raises
     ------
@@ -130,7 +132,15 @@ def compare(
             continue
         means = used.pivot_table(name, subject, condition, observed=True, sort=False)
         means = means[_order(used[condition], means)]
-        found = [{"kind": "mean", "condition": key, **_describe(means[key])} for key in means]
+        found = [
+            {
+                "kind": "mean",
+                "condition": key,
+                **_describe(means[key]),
+                **_count_remarks(used[used[condition] == key]),
+            }
+            for key in means
+        ]
         for first, second in combinations(means, 2):
             describe = _describe_difference if between is None else _describe_group_difference
             found.append(describe(means[first], means[second], size))
@@ -180,6 +190,13 @@ def _describe(values: pd.Series) -> Row:
     mean = values.mean()
     margin = confidence_margin(values.std(), count)
     return {"subjects": count, "value": mean, "low": mean - margin, "high": mean + margin}
+
+
+def _count_remarks(table: pd.DataFrame) -> Row:
+    """How many of the estimates of a condition are remarked, where the table knows."""
+    if "remarks" not in table:
+        return {}
+    return {"remarked": int((~table["remarks"].isin(NO_TEXT)).sum())}
 
 
 def _describe_difference(first: pd.Series, second: pd.Series, size: float) -> Row:
@@ -308,7 +325,17 @@ def describe_differences(comparison: pd.DataFrame, name: str = "K") -> str:
     if not counts.size:
         return f"{sentence}."
     test = "paired" if rows["kind"].iloc[0] == "difference" else "Welch's"
-    return f"{sentence} ({' or '.join(map(str, counts))} subjects, {test} 95 % intervals)."
+    remarks = _describe_remarks(comparison, name)
+    return f"{sentence} ({' or '.join(map(str, counts))} subjects, {test} 95 % intervals).{remarks}"
+
+
+def _describe_remarks(comparison: pd.DataFrame, name: str) -> str:
+    """How many estimates of each condition are remarked, where any are."""
+    means = comparison[(comparison["parameter"] == name) & (comparison["kind"] == "mean")]
+    if "remarked" not in means or not means["remarked"].any():
+        return ""
+    counts = [f"{row['remarked']:g} in {row['condition']}" for _, row in means.iterrows()]
+    return f" Estimates that are remarked: {', '.join(counts)}; a shift in one condition alone is a difference."
 
 
 def _describe_change(row: pd.Series) -> str:

@@ -90,10 +90,10 @@ def identify_each(
         `recording`, a number from 1; the labels of the trial, from its attributes and the name of its file, where
         trials that are merged have them alike, a label with the name of a parameter or of another column as
         `NAME_label`; how many `trials` are merged; the `method`; its parameters with the ends of their 95 % intervals
-        (such as `K`, `K_low`, `K_high`) and its diagnostics; `warnings`, and whether it is `trusted`, which an estimate
-        with a warning about the fit is not. `mean_torque` [N·m] and `mean_position` [rad] say where the joint was
-        held. Where a trial is refused, or its file cannot be read, `refused` has the reason, and the parameters are
-        missing. Settings of a trial that `ankleloop.simulate` made are no labels.
+        (such as `K`, `K_low`, `K_high`) and its diagnostics; `warnings` and `remarks`, and whether it is `trusted`,
+        which an estimate with a warning about the fit is not. `mean_torque` [N·m] and `mean_position` [rad] say where
+        the joint was held. Where a trial is refused, or its file cannot be read, `refused` has the reason, and the
+        parameters are missing. Settings of a trial that `ankleloop.simulate` made are no labels.
 
     Raises
     ------
@@ -202,7 +202,8 @@ def _identify_group(
         return {"trusted": False, "refused": describe_failure(error)}
     return {
         "method": estimate.method,
-        "trusted": not estimate.fit_warnings,
+        "trusted": estimate.trusted,
+        "remarks": " ".join(estimate.remarks),
         "refused": "",
         **parameter_row(trials, estimate),
         **mean_levels(trials),

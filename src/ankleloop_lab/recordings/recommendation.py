@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from ankleloop.joint.verdicts import TOLERANCE
 from ankleloop.methods.registry import METHODS
 from ankleloop.quantities import QUANTITIES
 from ankleloop_lab.recordings.analysis import Analysis, compare_unseen
@@ -16,6 +17,7 @@ METHOD_COLUMNS = (
     "label",
     "method",
     "vaf_unseen",
+    "remarks",
     "unseen_warnings",
     "caution",
     "variation_p",
@@ -78,12 +80,7 @@ def recommend(analysis: Analysis) -> Recommendation:
     scored = trusted["vaf_unseen"].notna() & trusted["unseen_warnings"].isin(NO_TEXT)
     comparable = trusted if check.instrumental else trusted[scored]
     if comparable.empty:
-        reason = "no method without a warning could be scored on the half that was not fitted"
-        if valid.empty:
-            reason = "it was refused" if check.verdict == "refused" else "no method is valid for it"
-        elif trusted.empty:
-            reason = f"every method that was fitted has a warning ({', '.join(valid['label'])})"
-        return Recommendation(None, f"Nothing can be concluded from this recording: {reason}.")
+        return Recommendation(None, _explain_nothing(check.verdict, valid, trusted))
     if check.instrumental:
         row, reason = _choose_by_reference(check.loop, trusted, valid)
     else:
@@ -101,6 +98,20 @@ def recommend(analysis: Analysis) -> Recommendation:
             f"Left out because of a warning, or without a score of the unseen half: {left_out}"
         )
     return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
+
+
+def _explain_nothing(verdict: str, valid: pd.DataFrame, trusted: pd.DataFrame) -> str:
+    """Why no method is recommended: there is no estimate, or none without a warning."""
+    if valid.empty:
+        reason = "it was refused" if verdict == "refused" else "no method is valid for it"
+        return f"Nothing can be concluded from this recording: {reason}."
+    reason = "none without a warning could be scored on the half that was not fitted"
+    if trusted.empty:
+        reason = (
+            f"each that was fitted has a warning ({', '.join(valid['label'])}), so a parameter may be off by more than "
+            f"{100 * TOLERANCE:g} %. The warnings say which, and what to do"
+        )
+    return f"No method is recommended: {reason}."
 
 
 def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) -> Choice:
@@ -154,9 +165,8 @@ def _prefer(rows: pd.DataFrame) -> pd.Series:
 def _reservations(row: pd.Series, valid: pd.DataFrame) -> list[str]:
     """What speaks against too much trust in a method: change of the joint, caution, an incomplete model."""
     texts = []
-    remark = row.get("interval_remark")
-    if isinstance(remark, str) and remark:
-        texts.append(f"Intervals reach further to one side: {remark}")
+    if row["remarks"] and pd.notna(row["remarks"]):
+        texts.append(f"Remarked: {row['remarks'].rstrip('.')}")
     changing = list(_select_changing(valid)["label"])
     if row["label"] in changing:
         texts.append("This is the mean over the recording; the trajectories show the change")

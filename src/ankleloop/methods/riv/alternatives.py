@@ -15,6 +15,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.intervals import extend_intervals
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
+from ankleloop.joint.verdicts import exceeds_tolerance, largest_shift
 from ankleloop.methods.riv.effects import EFFECTS, Channels, list_effects
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
@@ -22,10 +23,9 @@ from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import invert_scaled, solve_scaled
 
 SIGNIFICANT = 3.5  # standard errors
-CERTAIN = 6.0  # standard errors
+CERTAIN = 6.0  # standard errors: beyond doubt
+MOST_EFFECTS = 3  # that are looked for one beside the other
 SMALLEST_SHIFT = 0.01  # of a parameter: less is not told
-LARGEST_SHIFT = 0.2  # of a parameter: more is no matter of its interval
-CERTAIN_SHIFT = 0.1  # the same, where the score is beyond doubt
 SMALLEST_PROBABILITY = 1e-300
 # Of the power of the torque: measured, 0.8e-5 to 2.1e-5 is left without noise, 7.8e-5 to 9.5e-5 at 40 dB, 6.8e-4 or
 # more at 30 dB (10 trials each, two loads).
@@ -34,6 +34,7 @@ EQUAL_SCORE = 0.9  # of the largest score: chosen, so that no effect is named th
 # s, of a stretch reflex; somewhat longer ones are warned about
 STRETCH_DELAY = (QUANTITIES["delay"].plausible[0], 0.1)
 TOGETHER = "together"  # name of all effects
+TWO_SIDED = 1.96  # standard errors, of an interval of 95 %
 START_POLE = 100.0  # rad/s, where the search for a third one begins
 
 
@@ -46,7 +47,7 @@ class Alternative:
     score: float  # size over its standard error
     shifts: dict[str, float]  # how far K, B, I and G move with it, over what they are without it
     freed: Search | None = None  # the solution with it, where there is one
-    further: Alternative | None = None  # another effect that the record shows beside it
+    rivals: tuple[Alternative, ...] = ()  # effects that the record hardly tells from it
 
     @property
     def text(self) -> str:
@@ -60,18 +61,23 @@ class Alternative:
         return (self.score if one_sided else abs(self.score)) > SIGNIFICANT
 
     @property
-    def largest_shift(self) -> float:
-        """Largest of the shifts."""
-        defined = EFFECTS[self.effect].defines
-        shifts = [abs(shift) for name, shift in self.shifts.items() if name != defined]
-        return max(shifts, default=0.0)
+    def told(self) -> bool:
+        """Whether it moves a parameter by so much that it is told."""
+        return largest_shift(self.shifts) > SMALLEST_SHIFT
+
+    def of(self, names: Iterable[str]) -> Alternative:
+        """The alternative with the shifts of some parameters alone."""
+        return replace(
+            self,
+            shifts={name: self.shifts[name] for name in self.shifts if name in names},
+            rivals=tuple(rival.of(names) for rival in self.rivals),
+        )
 
     @property
-    def doubtful(self) -> bool:
-        """Whether it is significant and moves a parameter by much, or is the delay of no stretch reflex: a warning."""
+    def is_other_delay(self) -> bool:
+        """Whether it is the delay of no stretch reflex."""
         shortest, longest = QUANTITIES["delay"].plausible
-        other_delay = self.effect == "delay" and not shortest < self.size < longest
-        return self.significant and (other_delay or is_large(self.score, self.largest_shift))
+        return self.effect == "delay" and not shortest < self.size < longest
 
 
 def _rank(alternative: Alternative) -> float:
@@ -79,59 +85,103 @@ def _rank(alternative: Alternative) -> float:
     return abs(alternative.score)
 
 
-def is_large(score: float, shift: float) -> bool:
-    """Whether a shift of a parameter is a warning: one by a tenth where its score is beyond doubt, else by a fifth."""
-    return shift > (CERTAIN_SHIFT if abs(score) > CERTAIN else LARGEST_SHIFT)
+def choose_likeliest(candidates: Iterable[Alternative]) -> list[Alternative]:
+    """The most significant alternative, with those that explain as much; none where none is significant."""
+    shown = sorted([each for each in candidates if each.significant], key=_rank, reverse=True)
+    if not shown:
+        return []
+    first, *others = shown
+    rivals = [each for each in others if _rank(each) > EQUAL_SCORE * _rank(first) and each.told]
+    return [replace(first, rivals=tuple(rivals))]
 
 
 def with_alternatives(
     estimate: Estimate, alternatives: Iterable[Alternative], trial: PreparedTrial
 ) -> Estimate:
-    """An estimate with what its model lacks: the alternatives that the record shows and that move a parameter.
+    """An estimate with what its model lacks: effects that the record shows one beside the other.
 
-    They are in the diagnostics, the most significant one first, with a warning about the first one that is doubtful.
-    Intervals hold the values with the most significant one, too.
+    They are in the diagnostics. Where all together move a parameter by more than the tolerance, they are a warning,
+    else a remark, and intervals hold the values with them, too.
     """
-    shown = [
-        alternative
-        for alternative in alternatives
-        if alternative.significant and alternative.largest_shift > SMALLEST_SHIFT
-    ]
+    values = estimate.values
+    given = [alternative.of(values) for alternative in alternatives]
+    shown = [alternative for alternative in given if alternative.told]
     if not shown:
         return estimate
-    shown.sort(key=_rank, reverse=True)
-    values = estimate.stiffness | estimate.reflex
-    intervals = extend_intervals(estimate.intervals, values, shown[0].shifts)
+    shifts = add_shifts([alternative.shifts for alternative in shown])
+    intervals = extend_intervals(estimate.intervals, values, shifts)
     diagnostics = dict(estimate.diagnostics)
     diagnostics["alternatives"] = [
-        {"effect": alternative.text, "score": alternative.score, "shifts": alternative.shifts}
+        {"effect": each.text, "score": each.score, "shifts": each.shifts}
         for alternative in shown
+        for each in (alternative, *alternative.rivals)
     ]
-    doubtful = [alternative for alternative in shown if alternative.doubtful]
-    if doubtful:
-        first, *others = doubtful
+    diagnostics["shifts"] = shifts
+    if any(map(exceeds_tolerance, _list_totals(shown))) or shown[0].is_other_delay:
         signs = turned_signs(trial)
-        text = first.text
-        warning = (
-            f"the model lacks something that depends on the movement. {text[0].upper()}{text[1:]} explains much of it "
-            f"and moves {_describe_move(first, signs)}"
-        )
-        if first.further is not None:
-            further = first.further
-            warning += f" Beside it, {further.text} moves {_describe_move(further, signs)}"
-        for other in others:
-            if abs(other.score) > EQUAL_SCORE * abs(first.score):
-                warning += f" {other.text[0].upper()}{other.text[1:]} explains as much."
-        diagnostics["warnings"] = [*diagnostics["warnings"], warning]
-        if first.effect == "direction":
+        kind = "warnings"
+        text = _describe_warning(shown, signs)
+        if shown[0].effect == "direction":
             diagnostics["remedy"] = signs
+    else:
+        kind = "remarks"
+        text = _describe_remark(shown, shifts)
+    diagnostics[kind] = [*diagnostics.get(kind, ()), text]
     return replace(estimate, intervals=intervals, diagnostics=diagnostics)
+
+
+def _list_totals(alternatives: Sequence[Alternative]) -> list[dict[str, float]]:
+    """Sums of what all effects make wrong: with the likeliest ones, and with each rival of the first in its place."""
+    first, *others = alternatives
+    beside = [each.shifts for each in others]
+    return [add_shifts([each.shifts, *beside]) for each in (first, *first.rivals)]
+
+
+def _describe_warning(alternatives: Sequence[Alternative], signs: Mapping[str, int]) -> str:
+    """What the model lacks, how far it moves parameters, and what to do."""
+    first, *others = alternatives
+    text = "the model lacks something that depends on the movement."
+    lookalikes = EFFECTS[first.effect].lookalikes
+    if first.rivals or lookalikes:
+        causes = [f"{each.text} ({_describe_move(each, signs)})" for each in (first, *first.rivals)]
+        text = f"{text} One of: {'; '.join([*causes, *lookalikes])}. The record does not tell which: check each."
+    else:
+        name = first.text
+        text = f"{text} {name[0].upper()}{name[1:]} explains much of it and {_describe_move(first, signs)}."
+    for other in others:
+        text = f"{text} Beside it, {other.text} {_describe_move(other, signs)}."
+    return text
+
+
+def _describe_remark(alternatives: Sequence[Alternative], shifts: Mapping[str, float]) -> str:
+    """What the model lacks, with a size that the intervals hold."""
+    first, *others = alternatives
+    causes = [first.text, *[each.text for each in first.rivals], *EFFECTS[first.effect].lookalikes]
+    names = [f"one of: {'; '.join(causes)}" if len(causes) > 1 else first.text]
+    names += [each.text for each in others]
+    return (
+        f"the record shows {', and beside it '.join(names)}. The model lacks that, which would move "
+        f"{format_shifts(shifts)}: the intervals hold both values."
+    )
 
 
 def _describe_move(alternative: Alternative, signs: Mapping[str, int]) -> str:
     """What an effect moves, and what to do."""
     advice = EFFECTS[alternative.effect].advice.format(**signs)
-    return f"{format_shifts(alternative.shifts)}: {advice}."
+    return f"moves {format_shifts(alternative.shifts)}: {advice}"
+
+
+def add_shifts(shifts: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Relative shifts of parameters by all of some effects.
+
+    >>> add_shifts([{"K": 0.1, "B": 0.5}, {"K": -0.1}])
+    {'K': 0.0, 'B': 0.5}
+    """
+    total: dict[str, float] = {}
+    for shift in shifts:
+        for name, value in shift.items():
+            total[name] = total.get(name, 0.0) + value
+    return total
 
 
 def compute_shifts(first: Mapping[str, float], second: Mapping[str, float]) -> dict[str, float]:
@@ -149,41 +199,60 @@ def format_shifts(shifts: Mapping[str, float]) -> str:
 
 
 def find_alternatives(solution: Search) -> list[Alternative]:
-    """Effects that the record may show and the model does not have.
+    """Effects that the record shows and the model does not have: the likeliest one, the likeliest one beside it, ….
 
     The score of each effect costs one solution of linear equations; where it is significant, the equations are solved
-    with the effect as a further unknown.
+    with the effect as a further unknown. What they leave may be a mixture of effects.
     """
     point = solution.point
-    parameters = point.parameters
     unexplained = np.sum(np.abs(point.residual) ** 2)
     if unexplained < LEAST_UNEXPLAINED * np.sum(np.abs(solution.equations.torque) ** 2):
         return []
-    effects = list_effects(open_loop=solution.equations.open_loop)
+    effects = list_effects(open_loop=solution.equations.open_loop, passive=point.parameters.passive)
     # Other bases than the rectifier answer both directions.
-    answers_both = parameters.linear.size > MOTION + 1
+    answers_both = point.parameters.linear.size > MOTION + 1
     if answers_both:
-        effects.remove("direction")
-    groups = {name: [name] for name in effects} | {TOGETHER: effects}
-    steps = find_steps(groups, solution, solution.equations)
-    together = steps.pop(TOGETHER)
-    alternatives = [_free_effect(name, solution, step) for name, step in steps.items()]
-    if any(each.doubtful for each in alternatives):
-        alternatives = _add_further(alternatives)
-    elif not answers_both:  # what a curve of other bases leaves of a ramp would be such a mixture
-        alternatives.append(_combine_effects(solution, together))
+        effects = [name for name in effects if name not in ("direction", "threshold")]
+    candidates = _free_effects(effects, solution)
     if answers_both:
-        alternatives.append(_separate_directions(solution))
+        candidates.append(_separate_directions(solution))
+    candidates += _free_unknowns(solution)
+    found: list[Alternative] = []
+    last = solution
+    while len(found) < MOST_EFFECTS:
+        likeliest = choose_likeliest(candidates)
+        found += likeliest
+        if not likeliest or likeliest[0].freed is None:
+            break
+        last = likeliest[0].freed
+        effects = [name for name in effects if name != likeliest[0].effect]
+        candidates = _free_effects(effects, last)
+    if answers_both:  # what a curve of other bases leaves of a ramp would be a mixture
+        return found
+    return [*found, *_combine_effects(effects, last)]
+
+
+def _free_effects(names: Sequence[str], solution: Search) -> list[Alternative]:
+    """The solutions with each of some effects."""
+    steps = find_steps({name: [name] for name in names}, solution, solution.equations)
+    return [_free_effect(name, solution, step) for name, step in steps.items()]
+
+
+def _free_unknowns(solution: Search) -> list[Alternative]:
+    """The solutions with a delay or a third pole, where the residual depends on the movement."""
+    parameters = solution.point.parameters
     is_known = "delay" in parameters.delays or parameters.passive
-    if is_known or point.movement_p >= INCOMPLETE:
-        return alternatives
+    if is_known or solution.point.movement_p >= INCOMPLETE:
+        return []
     starts = {"delay": replace(parameters, delays=("delay",))}
     if parameters.dynamics.pole is None:  # a third pole and a free delay are nearly the same
         dynamics = replace(parameters.dynamics, pole=START_POLE)
         starts["pole"] = replace(parameters, dynamics=dynamics)
-    for unknown, start in starts.items():
-        alternatives += _free_unknown(unknown, start, solution)
-    return alternatives
+    return [
+        alternative
+        for unknown, start in starts.items()
+        for alternative in _free_unknown(unknown, start, solution)
+    ]
 
 
 def _separate_directions(solution: Search) -> Alternative:
@@ -207,26 +276,23 @@ def _separate_directions(solution: Search) -> Alternative:
     return Alternative("direction", float(other_gain), float(score), shifts)
 
 
-def _combine_effects(solution: Search, step: Step) -> Alternative:
-    """All effects together, by one step: each may be too small to be seen by itself."""
-    moved = solution.point.parameters.linear[:MOTION] + step.move[:MOTION]
+def _combine_effects(names: Sequence[str], solution: Search) -> list[Alternative]:
+    """What all effects that are left move together, by one step: each may be too small to be seen by itself.
+
+    A mixture can move parameters far where it explains little, so only shifts count that are larger than the interval
+    and certain.
+    """
+    step = find_steps({TOGETHER: names}, solution, solution.equations)[TOGETHER]
+    move = step.move[:MOTION]
+    errors = np.sqrt(np.diag(step.move_covariance)[:MOTION])
+    margins = TWO_SIDED * np.sqrt(np.diag(solution.covariance)[:MOTION])
+    certain = np.abs(move) > np.maximum(SIGNIFICANT * errors, margins)
+    moved = solution.point.parameters.linear[:MOTION] + move
     stiffness = dict(zip(STIFFNESS, moved.tolist(), strict=True))
-    score = normal_score(step.sizes, step.covariance)
-    return Alternative(TOGETHER, step.sizes, score, compute_shifts(solution.values, stiffness))
-
-
-def _add_further(alternatives: list[Alternative]) -> list[Alternative]:
-    """The alternatives, the most significant doubtful one with the one that the record shows beside it."""
-    doubtful = [each for each in alternatives if each.doubtful]
-    first = max(doubtful, key=_rank)
-    others = [each for each in doubtful if each is not first]
-    if first.freed is None or not others:
-        return alternatives
-    groups = {each.effect: [each.effect] for each in others}
-    steps = find_steps(groups, first.freed, first.freed.equations)
-    beside = [_free_effect(name, first.freed, step) for name, step in steps.items()]
-    further = max((each for each in beside if each.doubtful), key=_rank, default=None)
-    return [replace(first, further=further), *[each for each in alternatives if each is not first]]
+    shifts = compute_shifts(solution.shown_values, stiffness)
+    shown = {name: shifts[name] for name in np.array(STIFFNESS)[certain].tolist() if name in shifts}
+    mixture = Alternative(TOGETHER, step.sizes, normal_score(step.sizes, step.covariance), shown)
+    return [mixture] if mixture.score > CERTAIN and shown else []
 
 
 def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
@@ -249,7 +315,7 @@ def _free_effect(name: str, solution: Search, step: Step) -> Alternative:
     return replace(
         alternative,
         size=np.squeeze(sizes),
-        shifts=compute_shifts(solution.values, freed.point.values),
+        shifts=compute_shifts(solution.shown_values, freed.point.values),
         freed=freed,
     )
 
@@ -276,6 +342,7 @@ class Step(NamedTuple):
     sizes: np.ndarray  # shape (q,)
     covariance: np.ndarray  # shape (q, q)
     move: np.ndarray  # shape (free,): step of the other unknowns
+    move_covariance: np.ndarray  # shape (free, free): of that step, by that of the sizes
     # Derivatives of the torque with respect to the sizes, measured and predicted, shape (q, F).
     regressors: np.ndarray
     instruments: np.ndarray
@@ -300,6 +367,7 @@ def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Cha
         rectified=spectra[MOTION],
         reference=equations.reference,
         response=point.parameters.responses(band.s)[0],
+        gain=point.reflex_path.rectifier.gain,
         delay=equations.delay,
         s=band.s,
         transform=band.transform,
@@ -340,10 +408,13 @@ def find_steps(
         rows = invert_scaled(own) @ np.hstack([-common, np.eye(places.size)])
         unknowns = np.concatenate([np.arange(free.size), places])
         sizes = rows @ side[unknowns]
+        covariance = rows @ scatter[np.ix_(unknowns, unknowns)] @ rows.T
+        effect_moves = inverse @ products[known, places]
         steps[label] = Step(
             sizes=sizes,
-            covariance=rows @ scatter[np.ix_(unknowns, unknowns)] @ rows.T,
-            move=inverse @ (side[known] - products[known, places] @ sizes),
+            covariance=covariance,
+            move=inverse @ side[known] - effect_moves @ sizes,
+            move_covariance=effect_moves @ covariance @ effect_moves.T,
             regressors=np.vstack([regressors[name] for name in group]),
             instruments=np.vstack([instruments[name] for name in group]),
             rows=rows,
@@ -370,5 +441,5 @@ def _free_unknown(unknown: str, start: Parameters, solution: Search) -> list[Alt
     if not (freed.converged and shown):
         return []
     score = size / freed.error(unknown)
-    shifts = compute_shifts(solution.values, point.values)
+    shifts = compute_shifts(solution.shown_values, point.values)
     return [Alternative(unknown, point.values[unknown], score, shifts)]

@@ -10,7 +10,14 @@ import numpy as np
 from scipy import special
 
 from ankleloop.errors import DataError
-from ankleloop.methods.riv.alternatives import SIGNIFICANT, find_steps, is_large, normal_score
+from ankleloop.joint.verdicts import TOLERANCE
+from ankleloop.methods.riv.alternatives import (
+    CERTAIN,
+    SIGNIFICANT,
+    SMALLEST_SHIFT,
+    find_steps,
+    normal_score,
+)
 from ankleloop.methods.riv.search import Search
 from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.least_squares import solve_scaled
@@ -163,23 +170,29 @@ def describe_changes(
     constancy: Constancy,
     values: Mapping[str, float],
     find_lags: Callable[[], Lags] | None = None,
-) -> list[str]:
-    """Warnings about the parts that are so different that the whole says little about them."""
+) -> dict[str, list[str]]:
+    """Warnings about the parts that are so different that the whole says little about them; else a remark of halves."""
+    if not values:
+        return {}
     relative = [
         np.abs(constancy.deviations[name] / values[name]) for name in NAMES if name in values
     ]
-    pairs = zip(constancy.scores, np.max(relative, axis=0), strict=True)
-    changes = [
-        number
-        for number, (score, shift) in enumerate(pairs)
-        if score > SIGNIFICANT and is_large(score, shift)
-    ]
-    if not changes:
-        return []
+    shifts = np.max(relative, axis=0)
+    shown = constancy.scores > SIGNIFICANT
+    # Of parts that differ beyond doubt, and of others.
+    tolerances = np.where(constancy.scores > CERTAIN, TOLERANCE, 2.0 * TOLERANCE)
+    changes = np.flatnonzero(shown & (shifts > tolerances))
+    is_small = not changes.size
+    if is_small and (constancy.merged or not np.any(shown & (shifts > SMALLEST_SHIFT))):
+        return {}
     lags = None if find_lags is None else find_lags()
     if constancy.merged:
-        return [_describe_trial(constancy, values, lags, number) for number in changes]
-    return [_describe_halves(constancy, values, lags)]
+        return {
+            "warnings": [
+                _describe_trial(constancy, values, lags, number) for number in changes.tolist()
+            ]
+        }
+    return {"remarks" if is_small else "warnings": [_describe_halves(constancy, values, lags)]}
 
 
 def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: Lags | None) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 REACTION_LATENCIES = (0.12, 0.16, 0.2, 0.25)  # s
 REACTION_LAG = 0.03  # s, time constant of the muscle
+THRESHOLD_SHARE = 0.5  # of the standard deviation of the velocity: the threshold for which its derivative is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ class Channels:
     rectified: np.ndarray  # spectrum of the rectified velocity, delayed
     reference: np.ndarray  # spectrum
     response: np.ndarray  # of the reflex dynamics
+    gain: float  # of the reflex [N·m·s/rad]
     delay: float  # of the reflex [s]
     s: np.ndarray  # Laplace variable [rad/s], not zero
     transform: Callable[[np.ndarray], np.ndarray]  # spectra of signals
@@ -40,9 +42,7 @@ class Effect:
     differentiate: Callable[[Channels], np.ndarray] | None = None
     rounds: int = 3  # fits of its size
     one_sided: bool = False  # the opposite is no effect of an instrument
-    defines: str | None = (
-        None  # parameter that is another one with the effect, and not a wrong one without it
-    )
+    lookalikes: tuple[str, ...] = ()  # causes that the sampled channels do not tell from it
 
     def rows(self, channels: Channels) -> np.ndarray:
         """Derivatives of the torque with respect to the sizes, shape (sizes, frequencies)."""
@@ -91,6 +91,14 @@ def _turn(channels: Channels) -> np.ndarray:
     return channels.response * (channels.rectified - late * channels.motion[1])
 
 
+def _lose_below_threshold(channels: Channels) -> np.ndarray:
+    """Reflex torque that velocities up to a threshold would have, over the threshold."""
+    threshold = THRESHOLD_SHARE * np.std(channels.velocity)
+    lost = channels.transform(np.clip(channels.velocity, 0.0, threshold))
+    late = np.exp(-channels.s * channels.delay)
+    return -channels.gain / threshold * channels.response * late * lost
+
+
 EFFECTS: dict[str, Effect] = {
     "delay": Effect(
         lambda size: f"a reflex delay of {1e3 * size:.3g} ms",
@@ -101,6 +109,12 @@ EFFECTS: dict[str, Effect] = {
         _describe_lag,
         "record both through equal filters",
         lambda channels: -channels.s * channels.torque,
+        lookalikes=(
+            "a low-pass of one channel alone",
+            "no filter before sampling",
+            "a compliance between joint and sensor",
+            "a resonance of the fixture",
+        ),
     ),
     "high-pass": Effect(
         lambda size: f"a high-pass of {0.5 / np.pi * size:.2g} Hz in the torque",
@@ -131,7 +145,6 @@ EFFECTS: dict[str, Effect] = {
         "B is that of the velocities of this record: compare only records with the same perturbation",
         lambda channels: channels.transform(channels.velocity * np.abs(channels.velocity)),
         one_sided=True,
-        defines="B",
     ),
     "reaction": Effect(
         _describe_reaction,
@@ -142,6 +155,12 @@ EFFECTS: dict[str, Effect] = {
         lambda size: f"a crosstalk of the command in the torque of {size:.3g} N·m/rad",
         "separate the cables of the command and of the torque, or their grounds",
         lambda channels: channels.reference,
+    ),
+    "threshold": Effect(
+        lambda size: f"a threshold of the reflex of about {size:.2g} rad/s",
+        'take basis="spline", which estimates it',
+        _lose_below_threshold,
+        one_sided=True,
     ),
     "together": Effect(
         lambda sizes: "a mixture of effects, none of which the record shows by itself,",
@@ -156,9 +175,11 @@ EFFECTS: dict[str, Effect] = {
 }
 
 
-def list_effects(*, open_loop: bool) -> list[str]:
+def list_effects(*, open_loop: bool, passive: bool) -> list[str]:
     """Names of the effects that channels can show; where the position is the reference, its crosstalk is stiffness."""
     names = [name for name, effect in EFFECTS.items() if effect.differentiate is not None]
     if open_loop:
         names.remove("crosstalk")
+    if passive:
+        names.remove("threshold")
     return names

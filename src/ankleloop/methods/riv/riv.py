@@ -8,6 +8,7 @@ from functools import partial
 from math import inf
 from typing import Literal
 
+from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import NO_REFLEX
 from ankleloop.joint.intervals import Uncertainty
@@ -46,6 +47,7 @@ from ankleloop.methods.riv.equations import (
     describe_lost_pole,
 )
 from ankleloop.methods.riv.search import Search, solve
+from ankleloop.methods.riv.strength import check_answer, check_strength, find_unshown
 from ankleloop.options import option
 from ankleloop.quantities import STIFFNESS
 
@@ -114,8 +116,14 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
         noise_frequency [Hz], noise_spectrum [(N·m)²/Hz], and alternatives: effects of the instruments or of the joint
         that the record shows and the model does not have, with
         their scores (size over standard error) and the relative shifts of K, B, I and G
-        (`ankleloop.methods.riv.alternatives`). Intervals hold the values with the first of them. Where a warning asks
-        for options of `read_trial`, `remedy` has their values.
+        (`ankleloop.methods.riv.alternatives`), and shifts, those of all of them together, which intervals hold. Where a
+        warning asks for options of `read_trial`, `remedy` has their values.
+
+    Raises
+    ------
+    DataError
+        If the instruments are weak (`ankleloop.methods.riv.strength.measure_strengths`), or the torque has nothing to
+        do with the movement that the reference explains.
 
     References
     ----------
@@ -133,6 +141,20 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
     True
     """
     check_intervals(options.intervals, trials)
+    solution, assumptions = find_solution(trials, options)
+    if not solution.equations.open_loop:
+        for finding in (check_strength(solution), check_answer(solution)):
+            if finding.verdict == "refused":
+                raise DataError(finding.text)
+    constancy = measure_constancy(solution) if solution.converged else None
+    estimate = _estimate(trials, solution, options, assumptions, constancy)
+    if not solution.converged:
+        return estimate
+    return with_alternatives(estimate, find_alternatives(solution), trials[0])
+
+
+def find_solution(trials: Sequence[PreparedTrial], options: RivOptions) -> tuple[Search, list[str]]:
+    """Solution of the equations, with the delay and the reflex that the record shows, and what is assumed."""
     solution = _solve(trials, options, estimate_delay=options.delay is None)
     assumptions = []
     if options.delay is None and not _shows_delay(solution):
@@ -140,12 +162,7 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
             f"the reflex delay is {1000 * NOMINAL_DELAY:g} ms, since the record does not show it."
         ]
         solution = _solve(trials, options, estimate_delay=False)
-    solution = _prefer_passive(solution)
-    constancy = measure_constancy(solution) if solution.converged else None
-    estimate = _estimate(trials, solution, options, assumptions, constancy)
-    if not solution.converged:
-        return estimate
-    return with_alternatives(estimate, find_alternatives(solution), trials[0])
+    return _prefer_passive(solution), assumptions
 
 
 def _solve(trials: Sequence[PreparedTrial], options: RivOptions, *, estimate_delay: bool) -> Search:
@@ -208,6 +225,13 @@ def _estimate(
         del values["G"], values["threshold"]
         names = "G, ωn and ζ" if path.passive else "G"
         missing = [f"{names}: {path.fault}."]
+    unshown, reason = find_unshown(solution)
+    if unshown:
+        hidden = (
+            unshown if "G" not in unshown else [*unshown, "threshold", *parameters.dynamics.values]
+        )
+        values = {name: value for name, value in values.items() if name not in hidden}
+        missing.append(f"{', '.join(unshown)}: {reason}.")
     incomplete = []
     if point.movement_p < INCOMPLETE:
         incomplete = [
@@ -216,11 +240,12 @@ def _estimate(
         ]
     kind = None
     uncertainty = Uncertainty()
-    warnings = _warnings(solution)
+    changes: dict[str, list[str]] = {}
     if constancy is not None:
         kind, uncertainty = _quantify(solution, values, options.intervals, constancy)
         find_lags = partial(measure_lags, solution)
-        warnings += describe_changes(constancy, solution.values, find_lags)
+        shown = {name: value for name, value in solution.shown_values.items() if name in values}
+        changes = describe_changes(constancy, shown, find_lags)
     inputs = replace(ModelInputs.of(equations.records[0]), delay=values["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]
@@ -233,7 +258,7 @@ def _estimate(
     return Estimate(
         method="riv",
         torque=merge_torques([model.predict(trial) for trial in trials]),
-        stiffness={name: values[name] for name in STIFFNESS},
+        stiffness={name: values[name] for name in STIFFNESS if name in values},
         reflex={name: value for name, value in values.items() if name not in STIFFNESS},
         intervals=uncertainty.intervals(values),
         diagnostics={
@@ -252,7 +277,8 @@ def _estimate(
             "assumptions": assumptions,
             "missing": missing,
             "incomplete": incomplete,
-            "warnings": warnings,
+            "warnings": [*_warnings(solution), *changes.get("warnings", ())],
+            "remarks": changes.get("remarks", []),
         },
         predictor=model,
     )
@@ -297,6 +323,7 @@ METHODS = (
         identify_riv,
         merges=True,
         least=LEAST_BESIDE_FILTERS,
+        judges_reference=True,
         validity=Validity(closed={}, without_reference=POSITION),
         offer=Offer(
             "Refined instrumental variables",

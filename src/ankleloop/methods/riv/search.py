@@ -21,6 +21,7 @@ TOLERANCE = 0.01  # standard errors: the search ends when no parameter moves by 
 LEAST_GAIN = 1e-3  # relative, of the merit; and of the misfit
 MOST_REFINEMENTS = 10  # iterations without second derivatives
 SOLVED = 10.0  # tolerances: largest left side of a solution, over its standard deviation
+NEARLY_ZERO = 3.0  # standard errors
 # In units of the information of the instruments:
 LEAST_DAMPING = 0.02
 MOST_DAMPING = 1e6
@@ -86,6 +87,16 @@ class Search:
         if path.passive or path.fault:
             del values["G"]
         return values
+
+    @cached_property
+    def shown_values(self) -> dict[str, float]:
+        """Parameters that are not nearly zero: a shift in relation to another one would say nothing."""
+        errors = {name: np.sqrt(row @ self.covariance @ row) for name, row in self.rows.items()}
+        return {
+            name: value
+            for name, value in self.values.items()
+            if abs(value) > NEARLY_ZERO * errors.get(name, 0.0)
+        }
 
     @cached_property
     def covariance(self) -> np.ndarray:

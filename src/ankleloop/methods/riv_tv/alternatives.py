@@ -17,7 +17,7 @@ def find_alternatives(solution: TimeVaryingSolution) -> list[Alternative]:
     """Effects with their scores, and how far the means of K, B, I and G move with one step towards each of them."""
     equations = solution.equations
     parameters = solution.parameters
-    effects = list_effects(open_loop=equations.open_loop)
+    effects = list_effects(open_loop=equations.open_loop, passive=parameters.passive)
     if "torque_lag" in parameters.delays:
         effects.remove("torque_lag")
     whitener = equations.noise_whitener(parameters)
@@ -83,6 +83,7 @@ def _list_channels(solution: TimeVaryingSolution, inputs: Inputs, torque: np.nda
         rectified=equations.spectra(motion.rectify(equations.delay)),
         reference=equations.reference,
         response=solution.parameters.responses(transform.s)[0],
+        gain=solution.means["G"],
         delay=equations.delay,
         s=np.where(equations.noise.inside, transform.s, 1.0),
         transform=equations.spectra,

@@ -17,9 +17,11 @@ from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import merge_torques
 from ankleloop.joint.time_varying_course import FEWEST_CYCLES, trajectory_dataset
+from ankleloop.joint.verdicts import exceeds_tolerance
 from ankleloop.methods.method import POSITION, Method, Offer, Validity
 from ankleloop.methods.riv.alternatives import (
     Alternative,
+    choose_likeliest,
     compute_shifts,
     with_alternatives,
 )
@@ -30,6 +32,7 @@ from ankleloop.methods.riv.constancy import (
     describe_changes,
 )
 from ankleloop.methods.riv.equations import ABSENT_REFLEX, SHOWN_REFLEX, describe_lost_pole
+from ankleloop.methods.riv.strength import WEAK
 from ankleloop.methods.riv_tv.alternatives import find_alternatives
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations
 from ankleloop.methods.riv_tv.options import RivTvOptions
@@ -37,7 +40,6 @@ from ankleloop.methods.riv_tv.solution import MOST_ROUNDS, TimeVaryingSolution, 
 
 PLACES = 101  # of a trajectory
 FEW_CYCLES = 20  # below which bands are too narrow
-WEAK = 10.0  # F statistic of weak instruments (Staiger and Stock 1997)
 
 
 def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> Estimate:
@@ -93,8 +95,12 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
         return _estimate(trials, solution, options, None)
     constancy = measure_constancy(solution)
     estimate = _estimate(trials, solution, options, constancy)
-    estimate.diagnostics["warnings"] += describe_changes(constancy, solution.shown_means)
-    alternatives = _list_alternatives(trials, solution, options)
+    for kind, texts in describe_changes(constancy, solution.shown_means).items():
+        estimate.diagnostics[kind] = [*estimate.diagnostics.get(kind, ()), *texts]
+    candidates = _list_alternatives(trials, solution, options)
+    # One step does not tell what one effect leaves of another: the likeliest of those that matter most counts.
+    large = [each for each in candidates if exceeds_tolerance(each.shifts) or each.is_other_delay]
+    alternatives = choose_likeliest(large) or choose_likeliest(candidates)
     return with_alternatives(estimate, alternatives, trials[0])
 
 

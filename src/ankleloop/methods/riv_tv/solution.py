@@ -12,6 +12,7 @@ from scipy import linalg, special
 from ankleloop.joint.dynamics import GRIDS, respond
 from ankleloop.methods.riv.alternatives import normal_score
 from ankleloop.methods.riv.equations import FASTEST_POLE, Parameters
+from ankleloop.methods.riv.search import NEARLY_ZERO
 from ankleloop.methods.riv.start import fit_grid
 from ankleloop.methods.riv_tv.equations import TimeVaryingEquations, WhitenedSystem
 from ankleloop.methods.riv_tv.smoothing import choose_penalties
@@ -81,13 +82,17 @@ class TimeVaryingSolution:
         """Means of K, B, I and G over the record."""
         return self.equations.bases.means(self.parameters.linear)
 
-    @property
+    @cached_property
     def shown_means(self) -> dict[str, float]:
-        """Means over the record; without a G that is that of no reflex."""
+        """Means over the record that are not nearly zero; without a G that is that of no reflex."""
         means = self.means
         if self.parameters.passive:
             del means["G"]
-        return means
+        rows = self.parameter_rows
+        errors = {name: np.sqrt(rows[name] @ self.covariance @ rows[name]) for name in means}
+        return {
+            name: mean for name, mean in means.items() if abs(mean) > NEARLY_ZERO * errors[name]
+        }
 
     @property
     def pole_out_of_band(self) -> bool:

@@ -610,18 +610,19 @@ def test_demo(run, tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("no_pages")
-def test_an_interval_that_reaches_further_to_one_side_says_why(run, tmp_path):
+def test_what_is_remarked_is_said(run, tmp_path):
     """Of one file and of several."""
-    effect = "intervals reach further to one side: K, B, G reach to the values with a crosstalk"
-    for name, threshold in {"a": 0.1, "b": 0.0}.items():
-        trial = simulate(seed=4, duration=50.0, reflex_threshold=threshold)
-        write_recording(trial, tmp_path / f"{name}.csv", "csv")
+    trial = simulate(seed=1, recording_rate=2000.0, snr_db=20.0)
+    late = np.roll(trial["torque"].to_numpy(), 1)
+    write_recording(trial.assign(torque=("time", late)), tmp_path / "a.csv", "csv")
+    write_recording(trial, tmp_path / "b.csv", "csv")
+    effect = "the record shows one of: a torque recorded 0.56 ms after the position; a low-pass of"
     single = run("identify", tmp_path / "a.csv", "--method", "riv", "--output", tmp_path / "a")
-    assert f"I{effect[1:]}" in single.out
+    assert f"Remarked: {effect}" in single.out
     files = [tmp_path / "a.csv", tmp_path / "b.csv"]
     several = run("identify", *files, "--method", "riv", "--output", tmp_path / "both")
     assert f"a: {effect}" in several.out
-    assert "b: intervals" not in several.out
+    assert "b: the record shows" not in several.out
 
 
 # --- ankleloop identify --method ensemble

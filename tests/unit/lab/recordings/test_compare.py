@@ -46,6 +46,18 @@ def test_differences_have_the_interval_of_the_paired_test(table):
     assert (row["percent_low"], row["percent_high"]) == pytest.approx(interval)
 
 
+def test_remarks_are_counted_in_each_condition(table):
+    """What moves the estimates of one condition alone is a difference."""
+    assert "remarked" not in compare(table)
+    table["remarks"] = np.where(table["condition"] == "rest", "the record shows a lag.", "")
+    table.loc[table["subject"] == "a", "remarks"] = ""
+    comparison = compare(table)
+    means = of_kind(comparison, "mean")
+    assert means["remarked"].to_dict() == {"rest": 14, "10MVC": 0, "20MVC": 0}
+    text = describe_differences(comparison)
+    assert "Estimates that are remarked: 14 in rest, 0 in 10MVC, 0 in 20MVC" in text
+
+
 def test_means_are_over_subjects_that_count_alike(table):
     table.loc[0, "K"] = np.nan  # of a subject that has another trial in this condition
     means = of_kind(compare(table), "mean")

@@ -105,15 +105,16 @@ def test_what_is_not_told_apart_is_named():
 @pytest.mark.parametrize(
     ("rows", "reason"),
     [
-        ([INVALID], "no method is valid for it"),
-        ([warned(RIV), warned(PR)], "every method that was fitted has a warning (RIV, PR)"),
+        ([INVALID], "Nothing can be concluded from this recording: no method is valid for it."),
+        (
+            [warned(RIV), warned(PR)],
+            "No method is recommended: each that was fitted has a warning (RIV, PR), so a parameter may be off by more "
+            "than 10 %. The warnings say which, and what to do.",
+        ),
     ],
 )
 def test_no_recommendation_without_a_method_to_be_trusted(loop, rows, reason):
-    recommendation = recommend(make_analysis(loop, rows))
-    assert recommendation == Recommendation(
-        None, f"Nothing can be concluded from this recording: {reason}."
-    )
+    assert recommend(make_analysis(loop, rows)) == Recommendation(None, reason)
 
 
 def test_a_warning_keeps_the_best_score_from_being_recommended():

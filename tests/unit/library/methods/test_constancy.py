@@ -46,6 +46,17 @@ def test_a_gain_that_doubles_is_told_with_its_size(trial, method):
         assert float(ratio) == pytest.approx(2.0, abs=0.4), name
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_gain_that_drifts_is_remarked_with_its_size(seed):
+    drifting = simulate(seed=seed)
+    drifting["torque"] = drifting["torque"] * np.linspace(1.0, 1.3, drifting.sizes["time"])
+    estimate = identify(drifting, "riv")
+    assert estimate.trusted
+    (text,) = estimate.remarks
+    ratio = float(text.split("from the middle on K is ")[1].split()[0])
+    assert ratio == pytest.approx(1.225 / 1.075, abs=0.1)
+
+
 @pytest.mark.parametrize("number", [1, 6])
 def test_a_trial_of_another_stiffness_is_named_and_widens_the_intervals(trials, number):
     others = list(trials)

@@ -215,10 +215,11 @@ def test_movements_of_three_seconds_are_one_course_over_their_time():
 def test_trials_that_are_too_short_are_refused_in_words(duration, rates):
     """And those that last as long as the refusal says are merged."""
     recording_rate, identification_rate = rates
-    long = simulate(seed=1, duration=30.0, recording_rate=recording_rate)
+    quiet = {"snr_db": None, "voluntary": 0.0}
+    long = simulate(seed=1, duration=60.0, recording_rate=recording_rate, **quiet)
     pieces = [segment(long, start, start + duration) for start in (0.0, 3.0, 6.0, 9.0)]
     with pytest.raises(DataError, match=r"trial 1 of 4 .* each has to last .* s or more") as error:
         identify(pieces, "riv", identification_rate=identification_rate)
     least = float(re.search(r"to last (.*) s or", str(error.value))[1])
-    enough = [segment(long, start, start + least) for start in np.arange(0.0, 30.0 - least, least)]
+    enough = [segment(long, start, start + least) for start in np.arange(0.0, 60.0 - least, least)]
     assert np.isfinite(identify(enough, "riv", identification_rate=identification_rate)["K"])
