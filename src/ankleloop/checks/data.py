@@ -165,3 +165,13 @@ def refuse_repeated_trials(trials: Sequence[PreparedTrial]) -> None:
                 f"trials {earlier} and {number} of {len(trials)} are the same record, which would count twice: leave "
                 "one of them out."
             )
+
+
+def refuse_other_rates(trials: Sequence[PreparedTrial]) -> None:
+    """Refuse trials that do not all have the sampling rate of the first one."""
+    for number, trial in enumerate(trials[1:], 2):
+        if trial.rate != trials[0].rate:
+            raise DataError(
+                f"trial {number} of {len(trials)} has {trial.rate:g} Hz, the first one {trials[0].rate:g} Hz: "
+                "resample them to one rate before they are merged."
+            )

@@ -10,12 +10,12 @@ from typing import Any, Literal, NamedTuple, Self
 import xarray as xr
 from pydantic import model_validator
 
-from ankleloop.checks.data import check_data, refuse_repeated_trials
+from ankleloop.checks.data import check_data, refuse_other_rates, refuse_repeated_trials
 from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate, add_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
-from ankleloop.joint.regressors import filtered_duration
+from ankleloop.joint.regressors import MEASURED, filtered_duration
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import USUAL_RATE, usual_rate
@@ -131,11 +131,51 @@ def find_reference(options: Any) -> str | None:
     return getattr(options, "reference", None)
 
 
+def prepare_records(method: Method, trial: Any, options: Any) -> list[PreparedTrial]:
+    """A whole record, or each of a list of those that are merged; refuses a list that cannot be."""
+    trials = prepare_trials(trial)
+    if not isinstance(trial, (list, tuple)):
+        return trials
+    if not method.merges:
+        raise DataError(
+            f"{method.name} identifies one trial at a time: take riv, or a member of the MOESP family, which merge "
+            "trials."
+        )
+    if not trials:
+        raise DataError("there are no trials to merge.")
+    refuse_repeated_trials(trials)
+    refuse_other_rates(trials)
+    return trials
+
+
+def check_records(method: Method, trials: Sequence[PreparedTrial], options: Any) -> list[str]:
+    """Warnings about whole records (`check_data`); refuses those of which the filters leave too little to merge."""
+    if len(trials) > 1 and method.least:  # a single one is refused for what it does not show
+        _check_lengths(method, trials, options)
+    return check_data(trials, method.reference(options), **_data_use(options))
+
+
+def _check_lengths(method: Method, trials: Sequence[PreparedTrial], options: Any) -> None:
+    """Refuse trials of which the filters leave too little."""
+    rate = trials[0].rate
+    delay = NOMINAL_DELAY if options.delay is None else options.delay
+    needed = method.least + filtered_duration(rate, options.identification_rate, delay)
+    for number, trial in enumerate(trials, 1):
+        duration = trial.time.size / rate
+        if duration < needed:
+            raise DataError(
+                f"trial {number} of {len(trials)} is too short to be merged by {method.name}: it has "
+                f"{duration:.3g} s, and each has to last {ceil(10.0 * needed) / 10.0:g} s or more."
+            )
+
+
 @dataclass(frozen=True, eq=False)
 class Method:
     """A method under its name.
 
-    Calling it with a trial and options by name identifies; see `ankleloop.identify`, whose errors it raises.
+    Calling it with a trial and options by name identifies; see `ankleloop.identify`, whose errors it raises. It prepares
+    the data, checks them, and calls its function. Preparation and checks are those of whole records unless it names
+    others.
 
     Parameters
     ----------
@@ -155,6 +195,10 @@ class Method:
         In which loop it is valid, and with which options; by default it is not known to be valid in closed loop.
     offer : Offer, optional
         How `ankleloop identify` offers it; None where it does not.
+    prepare : callable
+        ``prepare(method, trial, options)`` gives the prepared trials of what is identified, or refuses it.
+    check : callable
+        ``check(method, trials, options)`` gives warnings about the data of prepared trials, or refuses them.
 
     Examples
     --------
@@ -175,22 +219,19 @@ class Method:
     least: float = 0.0
     validity: Validity = UNKNOWN
     offer: Offer | None = None
+    prepare: Callable[[Method, Any, Any], list[PreparedTrial]] = prepare_records
+    check: Callable[[Method, Sequence[PreparedTrial], Any], list[str]] = check_records
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Estimate:
         """Identify a trial, or a list of trials that are merged into one estimate."""
         chosen = self.options.parse(f"method {self.name!r}", **options)
-        trials = prepare_trials(trial)
-        if isinstance(trial, (list, tuple)):
-            self._check_merged(trials)
+        trials = self.prepare(self, trial, chosen)
         if isinstance(chosen, MethodOptions):
             chosen = chosen.at_rate(trials[0].rate)
-        if len(trials) > 1 and self.least:  # a single one is refused for what it does not show
-            self._check_lengths(trials, chosen)
-        reference = self.reference(chosen)
-        data_warnings = check_data(trials, reference, **_data_use(chosen))
+        data_warnings = self.check(self, trials, chosen)
         estimate = self.identify(trials if self.merges else trials[0], chosen)
         diagnostics = dict(estimate.diagnostics)
-        assumptions = _list_assumptions(chosen, reference)
+        assumptions = _list_assumptions(chosen, self.reference(chosen))
         diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
         faults = _list_faults(estimate)
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
@@ -199,12 +240,10 @@ class Method:
         diagnostics["options"] = chosen.model_dump(exclude_defaults=True)
         if not self.holds_in_closed_loop(chosen):
             diagnostics["holds"] = "in open loop"
-        return replace(
-            estimate,
-            method=self.name,
-            torque=add_measured(estimate.torque, trials),
-            diagnostics=diagnostics,
-        )
+        torque = estimate.torque
+        if MEASURED not in torque:  # those that are means over trials have it
+            torque = add_measured(torque, trials)
+        return replace(estimate, method=self.name, torque=torque, diagnostics=diagnostics)
 
     def holds_in_closed_loop(self, options: Options) -> bool:
         """Whether an estimate with some options is valid where torque is fed back."""
@@ -212,36 +251,6 @@ class Method:
         if needed is None or self.reference(options) == "position":
             return False
         return all(getattr(options, name) == value for name, value in needed.items())
-
-    def _check_merged(self, trials: Sequence[PreparedTrial]) -> None:
-        """Refuse trials that cannot be merged."""
-        if not self.merges:
-            raise DataError(
-                f"{self.name} identifies one trial at a time: take riv, or a member of the MOESP family, which merge "
-                "trials."
-            )
-        if not trials:
-            raise DataError("there are no trials to merge.")
-        refuse_repeated_trials(trials)
-        for number, trial in enumerate(trials[1:], 2):
-            if trial.rate != trials[0].rate:
-                raise DataError(
-                    f"trial {number} of {len(trials)} has {trial.rate:g} Hz, the first one {trials[0].rate:g} Hz: "
-                    "resample them to one rate before they are merged."
-                )
-
-    def _check_lengths(self, trials: Sequence[PreparedTrial], options: Any) -> None:
-        """Refuse trials of which the filters leave too little."""
-        rate = trials[0].rate
-        delay = NOMINAL_DELAY if options.delay is None else options.delay
-        needed = self.least + filtered_duration(rate, options.identification_rate, delay)
-        for number, trial in enumerate(trials, 1):
-            duration = trial.time.size / rate
-            if duration < needed:
-                raise DataError(
-                    f"trial {number} of {len(trials)} is too short to be merged by {self.name}: it has "
-                    f"{duration:.3g} s, and each has to last {ceil(10.0 * needed) / 10.0:g} s or more."
-                )
 
 
 def _list_assumptions(options: Any, reference: str | None) -> list[str]:
