@@ -43,6 +43,8 @@ PARAMETERS = {
     "zeta": Quantity("damping of the reflex", "ζ", "1", "zeta", (0.05, 10.0)),
     "pole": Quantity("third pole of the reflex", "p", "rad/s"),
     "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
+    "friction": Quantity("Coulomb friction", "friction", "N·m"),
+    "offset": Quantity("torque without movement", "offset", "N·m"),
     "delay": Quantity("reflex delay", "delay", "s", "delay", (0.02, 0.07)),
 }
 # Simulation setting that is the true value of each parameter.

@@ -84,13 +84,13 @@ def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str
         if finding.name == "scale" and finding.verdict != "ok":
             raise DataError(finding.text)
     motion = motion_products(trial, grid)
-    sign = check_sign(trial, motion.stiffness, motion.explained)
+    sign = check_sign(trial, motion.stiffness)
     if sign.verdict != "ok" and reference != "position" and reference in trial.trial:
         # Least squares may be off by fed-back torque; what the reference explains is not.
         record = rectifier_regressors(trial, delay, rate, reference)
         if check_reference([record]).verdict == "ok":
-            ((stiffness, explained),) = regress_torque_by_reference(project_records([record]))
-            sign = check_sign(trial, stiffness, explained)
+            (stiffness,) = regress_torque_by_reference(project_records([record]))
+            sign = check_sign(trial, stiffness)
     return [finding for finding in (*findings, sign) if finding.verdict != "ok"]
 
 

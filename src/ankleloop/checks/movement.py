@@ -27,7 +27,6 @@ BAND_SHARE = 3e-4  # of the recorded range: decimation has to leave so large a d
 LARGEST_POSITION = 1.0  # rad, standard deviation: no joint can move so far
 # N·m/rad, torque over position: from a finger to a leg that stands.
 SMALLEST_RATIO, LARGEST_RATIO = 0.1, 1e5
-SIGN_SHARE = 0.2  # of the torque that a second-order model must explain before its sign is read
 UNRELATED_DURATION = (
     1.0  # s over the duration is the share of the torque that it explains by chance
 )
@@ -92,19 +91,17 @@ def project_records(records: Sequence[Regressors]) -> ReferenceProjection:
     return project_on_reference(select_references(records), channels, records[0].rate)
 
 
-def regress_torque_by_reference(projection: ReferenceProjection) -> list[tuple[np.ndarray, float]]:
+def regress_torque_by_reference(projection: ReferenceProjection) -> list[np.ndarray]:
     """K, B and I of each projected record by two-stage least squares, which fed-back torque does not bias.
 
-    Shapes: returns coefficients (3,), and the share of the torque's variance that they explain.
+    Shapes: returns (3,).
     """
     fits = []
     for signals, residuals in zip(projection.signals, projection.residuals, strict=True):
         torque = signals[:, MOTION]
         motion = signals[:, :MOTION]
         instruments = motion - residuals[:, :MOTION]
-        stiffness = solve_scaled(instruments.T @ motion, instruments.T @ torque)
-        unexplained = np.var(torque - motion @ stiffness) / np.var(torque)
-        fits.append((stiffness, 1.0 - unexplained))
+        fits.append(solve_scaled(instruments.T @ motion, instruments.T @ torque))
     return fits
 
 
@@ -149,15 +146,18 @@ def turned_signs(trial: PreparedTrial) -> dict[str, int]:
     return {name: 1 if trial.trial.attrs.get(name) == -1 else -1 for name in names}
 
 
-def check_sign(trial: PreparedTrial, stiffness: np.ndarray, explained: float) -> Finding:
-    """Positive stiffness; by instruments in closed loop, where least squares can give a negative one by its bias.
+def check_sign(trial: PreparedTrial, stiffness: np.ndarray) -> Finding:
+    """Positive stiffness and inertia; by instruments in closed loop, where the bias of least squares can turn them.
+
+    A stiffness that is nearly zero, as that of a rotor, has any sign: the inertia has to agree. The viscosity is no
+    witness, since the reflex is part of it here.
 
     Shapes: stiffness (3,).
     """
     values = dict(zip(STIFFNESS, stiffness, strict=True))
     numbers = [f"{name} = {value:.3g} {QUANTITIES[name].unit}" for name, value in values.items()]
     text = f"a second-order model without reflex has {', '.join(numbers)}"
-    if values["K"] < 0.0 and (values["I"] < 0.0 or explained > SIGN_SHARE):
+    if values["K"] < 0.0 and values["I"] < 0.0:
         turned_sign = turned_signs(trial)["torque_sign"]
         return Finding(
             "sign of the torque",

@@ -52,9 +52,9 @@ class Estimate:
         torque at the same times. Those of merged trials stand one after the other, each over its own time, with the
         coordinate `trial`, which counts them from 1.
     stiffness : dict
-        "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²].
+        "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²]; of an apparatus "friction" [N·m] and "offset" [N·m], too.
     reflex : dict
-        "delay" [s] and, where the method gives them, "G" [N·m·s/rad], "omega_n" [rad/s], "zeta".
+        "delay" [s] and, where the method gives them, "G" [N·m·s/rad], "omega_n" [rad/s], "zeta". Empty of an apparatus.
     intervals : dict
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
@@ -463,12 +463,14 @@ class Estimate:
 
     def _list_remarks(self) -> list[str]:
         """Net VAF, where the delay comes from, what is missing or assumed, and warnings."""
-        delay = "estimated" if "delay" in self.intervals else "assumed"
-        first = f"reflex delay: {delay}"
+        first = []
         score = self.vaf_net
         if score is not None:
-            first = f"net VAF: {score:.1f} %; {first}"
-        lines = [first]
+            first.append(f"net VAF: {score:.1f} %")
+        if "delay" in self.reflex:
+            delay = "estimated" if "delay" in self.intervals else "assumed"
+            first.append(f"reflex delay: {delay}")
+        lines = ["; ".join(first)]
         trials = len(split_torques(self.torque))
         if trials > 1 and self.intervals:
             between = self.diagnostics.get("intervals") == "between trials"

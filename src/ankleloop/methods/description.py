@@ -27,6 +27,10 @@ SOURCES = {
         "Kearney, Stein and Parameswaran 1997",
     ),
     "real-time": ("the real-time algorithm", "Ludvig and Kearney 2006"),
+    "apparatus": (
+        "instrumental variables with Coulomb friction, as that of a device without a subject,",
+        "Janot, Gautier and Brunot 2019",
+    ),
 }
 INTERVALS = {
     "asymptotic": "from the asymptotic covariance",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, isfinite
+from math import ceil, inf, isfinite
 from typing import Any, Literal, NamedTuple, Self
 
 import xarray as xr
@@ -173,9 +173,9 @@ def _check_lengths(method: Method, trials: Sequence[PreparedTrial], options: Any
 class Method:
     """A method under its name.
 
-    Calling it with a trial and options by name identifies; see `ankleloop.identify`, whose errors it raises. It prepares
-    the data, checks them, and calls its function. Preparation and checks are those of whole records unless it names
-    others.
+    Calling it with a trial and options by name identifies; see `ankleloop.identify`, whose errors it raises. It
+    prepares the data, checks them, and calls its function. Preparation and checks are those of whole records unless it
+    names others.
 
     Parameters
     ----------
@@ -199,6 +199,8 @@ class Method:
         ``prepare(method, trial, options)`` gives the prepared trials of what is identified, or refuses it.
     check : callable
         ``check(method, trials, options)`` gives warnings about the data of prepared trials, or refuses them.
+    of_device : bool
+        Whether it identifies a device without a subject, and no joint.
 
     Examples
     --------
@@ -221,6 +223,7 @@ class Method:
     offer: Offer | None = None
     prepare: Callable[[Method, Any, Any], list[PreparedTrial]] = prepare_records
     check: Callable[[Method, Sequence[PreparedTrial], Any], list[str]] = check_records
+    of_device: bool = False
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Estimate:
         """Identify a trial, or a list of trials that are merged into one estimate."""
@@ -233,7 +236,7 @@ class Method:
         diagnostics = dict(estimate.diagnostics)
         assumptions = _list_assumptions(chosen, self.reference(chosen))
         diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
-        faults = _list_faults(estimate)
+        faults = _list_faults(estimate, self)
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
         if data_warnings:
             diagnostics["data_warnings"] = data_warnings
@@ -279,8 +282,11 @@ def _data_use(options: Any) -> dict[str, Any]:
     return given
 
 
-def _list_faults(estimate: Estimate) -> list[str]:
-    """Warnings about parameters that are no numbers, or that no joint has with all of their interval."""
+def _list_faults(estimate: Estimate, method: Method) -> list[str]:
+    """Warnings about parameters that are no numbers, or that no joint has with all of their interval.
+
+    A device may be of any size, and be pulled away from where it stands; it has no negative inertia or viscosity.
+    """
     values = estimate.values
     warnings = []
     missing = [name for name, value in values.items() if not isfinite(value)]
@@ -292,11 +298,15 @@ def _list_faults(estimate: Estimate) -> list[str]:
         if quantity is None or is_given:
             continue
         least, most = quantity.plausible
+        subject = "joint"
+        if method.of_device:
+            subject = "device"
+            least, most = (-inf if name == "K" else least), inf
         low, high = estimate.intervals.get(name, (value, value))
         if high < least or low > most:
             fault = f"not within {least:g} … {most:g}"
             if value < 0:
-                fault = "negative, which no joint has"
+                fault = f"negative, which no {subject} has"
             warnings.append(
                 f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate."
             )

@@ -27,10 +27,13 @@ from ankleloop.checks.reference import check_instrument
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import KnownDelayOptions, Trial
+from ankleloop.methods.apparatus import is_device
+from ankleloop.methods.method import POSITION, KnownDelayOptions, Trial
 from ankleloop.options import option, show_fields
 from ankleloop.signals.responses import ReferenceProjection
 from ankleloop_lab.recordings.validity import describe_validity, valid_methods
+
+DEVICE = "It looks like the record of a device without a subject. If it is one, take the method apparatus, by its name."
 
 
 @dataclass(frozen=True)
@@ -174,6 +177,9 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     merged = len(records) > 1
     methods = valid_methods(loop, usable, bias, merged=merged)
     validity = describe_validity(methods, loop, usable, bias, merged=merged)
+    if is_device(trials, values.reference if usable else "position", values.identification_rate):
+        methods["apparatus"] = {} if usable else dict(POSITION)
+        validity += f" {DEVICE}"
     findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
     return Check(findings, loop, methods, spectra, usable, bias)
 
@@ -203,10 +209,5 @@ def _check_sign(
         fits = regress_torque_by_reference(projection)
     else:
         pairs = zip(trials, records, strict=True)
-        motions = [motion_products(trial, record.grid) for trial, record in pairs]
-        fits = [(motion.stiffness, motion.explained) for motion in motions]
-    signs = [
-        check_sign(trial, stiffness, explained)
-        for trial, (stiffness, explained) in zip(trials, fits, strict=True)
-    ]
-    return merge_findings(signs)
+        fits = [motion_products(trial, record.grid).stiffness for trial, record in pairs]
+    return merge_findings(list(map(check_sign, trials, fits)))

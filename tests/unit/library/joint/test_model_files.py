@@ -57,7 +57,8 @@ def test_everything_of_an_estimate_comes_back(estimate, container, other, tmp_pa
         return
     prediction = loaded.predict(other).torque
     assert prediction.identical(estimate.predict(other).torque)
-    assert np.ptp(prediction["reflex"].values) > 0
+    has_reflex = estimate.method != "apparatus"
+    assert np.ptp(prediction["reflex" if has_reflex else "intrinsic"].values) > 0
     assert prediction["time"][-1] < 16.0
 
 

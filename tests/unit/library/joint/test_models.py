@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from method_options import basis_options
 
-from ankleloop import METHODS, DataError, evaluate, identify, simulate, vaf
+from ankleloop import DataError, evaluate, identify, simulate, vaf
 from ankleloop.joint.models import simulate_torques
 from ankleloop.joint.prepared import prepare
+from ankleloop.methods.registry import JOINT_METHODS
 
 NOISE_FREE = {"snr_db": None, "voluntary": 0.0}
 
@@ -29,7 +30,7 @@ def identify_model(trial, method, **options):
     return estimate
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_the_recording_rate_is_that_of_the_trial(trial, method):
     """A trial of half the rate has the same torques as far as its velocity has the same band."""
     (options,) = basis_options(method, "rectifier")
@@ -48,7 +49,7 @@ def test_the_recording_rate_is_that_of_the_trial(trial, method):
     assert estimate.predictor.inputs.recording_rate == 1000.0
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_scale_and_knots_are_those_of_the_fit(trial, other, method):
     """Half the movement is half the intrinsic torque; a basis that was fitted anew would not give half the reflex."""
     smaller = other.assign(position=0.5 * other["position"])
