@@ -176,6 +176,10 @@ def _predict_motion(
     Shapes: returns (3, N) for each record.
     """
     rate = records[0].rate
+    name = str(records[0].reference_name)
+    references = [
+        trial.channel(name, record.grid) for trial, record in zip(trials, records, strict=True)
+    ]
     middles = [record.time.size // 2 for record in records]
     firsts = [slice(None, middle) for middle in middles]
     seconds = [slice(middle, None) for middle in middles]
@@ -183,12 +187,12 @@ def _predict_motion(
     for fitted, unseen in ((firsts, seconds), (seconds, firsts)):
         taps = fit_finite_response(
             [record.inputs[part, 0] for record, part in zip(records, fitted, strict=True)],
-            [record.reference[part] for record, part in zip(records, fitted, strict=True)],
+            [reference[part] for reference, part in zip(references, fitted, strict=True)],
             rate,
         )
         for trial, record, motion, part in zip(trials, records, predicted, unseen, strict=True):
             for order, row in enumerate(motion):
-                samples = trial.samples[str(record.reference_name)]
+                samples = trial.samples[name]
                 source = decimate(samples, *record.grid, rate=trial.rate, derivative=order)
                 explained = apply_response(taps, source, round(RESPONSE_LEADS * rate))
                 row[part] = explained[part]
