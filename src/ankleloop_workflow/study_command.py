@@ -99,6 +99,9 @@ def _describe_recordings(
         for finding in check.findings:
             if finding.verdict != "ok":
                 remarks.append(f"{name}: {finding.verdict}, {finding.name}: {finding.text}")
+        if recording.apparatus is not None:
+            place = str(Path(recording.apparatus).absolute())
+            recording = recording.model_copy(update={"apparatus": place})
         recordings.append(recording)
         described[name] = {
             "file": file.absolute().relative_to(folder).as_posix(),

@@ -92,6 +92,9 @@ class Estimate:
     instrument_rows                       rows of its instruments
     excitation                            information about a trajectory over its mean
     converged                             whether a search ended
+    apparatus                             what was subtracted: "text", "source", "fingerprint", "values", and the
+                                          "standard_errors" of the parameters that are its own: `apparatus`
+    source                                of an apparatus: what its record is called
     ====================================  ==============================================================================
 
     Examples
@@ -275,6 +278,11 @@ class Estimate:
                     "model lacks"
                 )
         return ""
+
+    @property
+    def apparatus(self) -> str:
+        """What was subtracted of the torque, in words; empty where nothing was."""
+        return str(self.diagnostics.get("apparatus", {}).get("text", ""))
 
     @property
     def holds(self) -> str:
@@ -471,6 +479,8 @@ class Estimate:
             delay = "estimated" if "delay" in self.intervals else "assumed"
             first.append(f"reflex delay: {delay}")
         lines = ["; ".join(first)]
+        if self.apparatus:
+            lines.append(self.apparatus)
         trials = len(split_torques(self.torque))
         if trials > 1 and self.intervals:
             between = self.diagnostics.get("intervals") == "between trials"

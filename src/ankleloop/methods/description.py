@@ -62,6 +62,8 @@ def describe_methods(estimate: Estimate) -> str:
         )
     if "reference" in diagnostics:
         sentences.append(f"Instruments were made of the variable {diagnostics['reference']}.")
+    if estimate.apparatus:
+        sentences.append(f"Torque and parameters are {estimate.apparatus}.")
     kind = diagnostics.get("intervals")
     if kind in INTERVALS:
         sentences.append(f"Intervals (95 %) are {INTERVALS[kind]}.")

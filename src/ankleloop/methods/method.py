@@ -201,6 +201,8 @@ class Method:
         ``check(method, trials, options)`` gives warnings about the data of prepared trials, or refuses them.
     of_device : bool
         Whether it identifies a device without a subject, and no joint.
+    subtracts : bool
+        Whether it takes trials of which an apparatus is subtracted, and adds the covariance of that to its own.
 
     Examples
     --------
@@ -224,11 +226,13 @@ class Method:
     prepare: Callable[[Method, Any, Any], list[PreparedTrial]] = prepare_records
     check: Callable[[Method, Sequence[PreparedTrial], Any], list[str]] = check_records
     of_device: bool = False
+    subtracts: bool = False
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Estimate:
         """Identify a trial, or a list of trials that are merged into one estimate."""
         chosen = self.options.parse(f"method {self.name!r}", **options)
         trials = self.prepare(self, trial, chosen)
+        _check_apparatus(self, trials)
         if isinstance(chosen, MethodOptions):
             chosen = chosen.at_rate(trials[0].rate)
         data_warnings = self.check(self, trials, chosen)
@@ -254,6 +258,23 @@ class Method:
         if needed is None or self.reference(options) == "position":
             return False
         return all(getattr(options, name) == value for name, value in needed.items())
+
+
+def _check_apparatus(method: Method, trials: Sequence[PreparedTrial]) -> None:
+    """Refuse trials that are less an apparatus, or less several ones, where the method does not know of it."""
+    carried = {trial.apparatus and trial.apparatus.fingerprint for trial in trials}
+    if carried == {None}:
+        return
+    if not method.subtracts:
+        raise DataError(
+            f"the trial is {trials[0].apparatus}, and {method.name} does not know how uncertain that is: take riv or "
+            "riv-tv."
+        )
+    if len(carried) > 1:
+        raise DataError(
+            "the trials are less different apparatuses, or some of them less none: subtract the same one of all that "
+            "are merged."
+        )
 
 
 def _list_assumptions(options: Any, reference: str | None) -> list[str]:

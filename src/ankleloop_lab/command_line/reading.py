@@ -27,6 +27,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 METAVARS = {"variables": "NAME=VARIABLE,…", "cycle_onsets": "NAME|TIMES"}
 METAVARS["position_unit"] = "|".join([*POSITION_UNITS, "RAD"])
 METAVARS["torque_unit"] = "|".join([*TORQUE_UNITS, "NM"])
+METAVARS["apparatus"] = "FILE"
 METAVARS |= dict.fromkeys(("schedule", "time", *CHANNELS), "NAME")
 DEFAULTS = {"position_unit": "as the file states it, else rad", "sampling_rate": "that of the file"}
 DEFAULTS["torque_unit"] = "N·m"

@@ -8,6 +8,8 @@ from typing import Any
 import xarray as xr
 
 from ankleloop.errors import DataError
+from ankleloop.joint.estimate_files import load_estimate
+from ankleloop.methods.apparatus import subtract
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate
 from ankleloop.trials.files import PathLike
@@ -63,6 +65,9 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         Factors that bring the file to the convention here: the torque opposes stretch, so stiffness is positive.
     case : int, optional
         The trial of an FLB file that has several, counted from 1.
+    apparatus : str, optional
+        A file of `ankleloop.save_estimate` with the estimate of the device without a subject, which is subtracted
+        (`ankleloop.subtract`).
     variables : mapping of str to str, optional
         Further variables, as the one that schedules a joint or the phase of a cycle: the name in the trial, and the
         variable of the file. Their numbers stay as the file has them.
@@ -126,7 +131,7 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     )
     for name in options.further:
         trial[name].attrs["units"] = variables[name].unit
-    return trial
+    return subtract(trial, load_estimate(options.apparatus)) if options.apparatus else trial
 
 
 def settle_position_unit(variables: Mapping[str, Variable], options: Reading) -> Reading:

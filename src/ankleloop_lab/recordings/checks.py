@@ -29,6 +29,7 @@ from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import Regressors
 from ankleloop.methods.apparatus import is_device
 from ankleloop.methods.method import POSITION, KnownDelayOptions, Trial
+from ankleloop.methods.registry import METHODS
 from ankleloop.options import option, show_fields
 from ankleloop.signals.responses import ReferenceProjection
 from ankleloop_lab.recordings.validity import describe_validity, valid_methods
@@ -176,6 +177,8 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     bias = path_bias(records)
     merged = len(records) > 1
     methods = valid_methods(loop, usable, bias, merged=merged)
+    if trials[0].apparatus is not None:
+        methods = {name: given for name, given in methods.items() if METHODS[name].subtracts}
     validity = describe_validity(methods, loop, usable, bias, merged=merged)
     if is_device(trials, values.reference if usable else "position", values.identification_rate):
         methods["apparatus"] = {} if usable else dict(POSITION)

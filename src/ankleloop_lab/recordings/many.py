@@ -38,6 +38,7 @@ READ = {
     "position_unit_of_file",
     "torque_unit_of_file",
     "gaps",
+    "apparatus",
 }
 SIMULATED = {
     "seed",

@@ -283,6 +283,7 @@ class Equations:
         highest: float = inf,  # frequency of the band [Hz], within the pass band
     ) -> None:
         self.records = records
+        self.apparatus = trials[0].apparatus  # the same of all trials
         self.weighting = weighting  # "noise" or "flat"
         self.delay = records[0].delay  # of the inputs [s]
         sizes = [record.torque.size for record in records]
@@ -299,6 +300,10 @@ class Equations:
         self.measured = self.band.transform(self.inputs)
         self.predicted_inputs = _join([part.T for part in predict_inputs(trials, records)])
         self.predicted = self.band.transform(self.predicted_inputs)
+        if self.apparatus is not None:
+            pairs = zip(trials, records, strict=True)
+            # Shape (4, samples).
+            self.apparatus_inputs = _join([t.apparatus_inputs(r.grid).T for t, r in pairs])
         self.open_loop = records[0].reference_name == "position"
         references = [record.reference for record in records if record.reference is not None]
         self.reference = self.band.transform(_join(references))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
-from typing import Literal
+from typing import Any, Literal
 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import NO_REFLEX
@@ -36,7 +36,7 @@ from ankleloop.methods.riv.constancy import (
     measure_constancy,
     measure_lags,
 )
-from ankleloop.methods.riv.covariance import robust_covariance
+from ankleloop.methods.riv.covariance import apparatus_covariance, robust_covariance
 from ankleloop.methods.riv.equations import (
     ABSENT_REFLEX,
     INCOMPLETE,
@@ -216,9 +216,10 @@ def _estimate(
         ]
     kind = None
     uncertainty = Uncertainty()
+    apparatus: dict[str, Any] = {}
     warnings = _warnings(solution)
     if constancy is not None:
-        kind, uncertainty = _quantify(solution, values, options.intervals, constancy)
+        kind, uncertainty, apparatus = _quantify(solution, values, options.intervals, constancy)
         find_lags = partial(measure_lags, solution)
         warnings += describe_changes(constancy, solution.values, find_lags)
     inputs = replace(ModelInputs.of(equations.records[0]), delay=values["delay"])
@@ -246,6 +247,7 @@ def _estimate(
             "intervals": kind,
             "movement_p": point.movement_p,
             **uncertainty.diagnostics,
+            **apparatus,
             "noise_frequency": band.frequency,
             "noise_spectrum": noise / band.density,
             "nonlinearity": path.curve(),
@@ -260,8 +262,11 @@ def _estimate(
 
 def _quantify(
     solution: Search, values: Mapping[str, float], kind: str | None, constancy: Constancy
-) -> tuple[str, Uncertainty]:
-    """Kind of the intervals, by default the one that the record asks for; and how uncertain parameters are."""
+) -> tuple[str, Uncertainty, dict[str, Any]]:
+    """Kind of the intervals, by default the one that the record asks for; and how uncertain parameters are.
+
+    The covariance of an apparatus that is subtracted comes on top, with an entry of the diagnostics.
+    """
     if kind is None:
         kind = "robust" if solution.point.movement_p < INCOMPLETE else "asymptotic"
         if constancy.differs:
@@ -273,7 +278,13 @@ def _quantify(
         freedom = constancy.shares.size - 1
     elif kind == "robust":
         covariance, freedom = robust_covariance(solution.point, solution.free)
-    return kind, Uncertainty.of(values, solution.rows, covariance, freedom)
+    apparatus: dict[str, Any] = {}
+    carried = solution.equations.apparatus
+    if carried is not None:
+        shared = apparatus_covariance(solution.point, solution.free, carried)
+        covariance = covariance + shared
+        apparatus = carried.diagnostics(Uncertainty.of(values, solution.rows, shared))
+    return kind, Uncertainty.of(values, solution.rows, covariance, freedom), apparatus
 
 
 def _warnings(solution: Search) -> list[str]:
@@ -296,6 +307,7 @@ METHODS = (
         RivOptions,
         identify_riv,
         merges=True,
+        subtracts=True,
         least=LEAST_BESIDE_FILTERS,
         validity=Validity(closed={}, without_reference=POSITION),
         offer=Offer(
