@@ -14,6 +14,7 @@ os.environ.update(
     dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 )
 
+import apparatus
 import effects
 import faults
 import interval_coverage
@@ -166,6 +167,7 @@ PAGES = {
     "accuracy": ("Measured: accuracy", measure_accuracy),
     "coverage": ("Measured: coverage of intervals", measure_coverage),
     "faults": ("Measured: faults of a laboratory", measure_faults),
+    "apparatus": ("Measured: the apparatus", apparatus.measure_apparatus),
 }
 
 

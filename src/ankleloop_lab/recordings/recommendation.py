@@ -189,9 +189,9 @@ def format_with_interval(row: pd.Series, name: str) -> str:
 def format_parameters(table: pd.DataFrame) -> pd.DataFrame:
     """Score and parameters of estimates with their intervals: a row for each row of a table, with its index."""
     rows = [row for _, row in table.iterrows()]
+    names = [*PARAMETERS, "friction"] if "friction" in table else PARAMETERS  # of an apparatus
     cells = {
-        QUANTITIES[name].label: [format_with_interval(row, name) for row in rows]
-        for name in PARAMETERS
+        QUANTITIES[name].label: [format_with_interval(row, name) for row in rows] for name in names
     }
     return pd.DataFrame(cells, index=table.index)
 

@@ -1,10 +1,23 @@
 """The method for a device without a subject, against devices whose parameters are known."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import signal
 
-from ankleloop import check_trial, identify, load_estimate, new_trial, save_estimate, simulate
+from ankleloop import (
+    check_trial,
+    identify,
+    load_estimate,
+    new_trial,
+    read_trial,
+    save_estimate,
+    segment,
+    simulate,
+    subtract,
+)
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.apparatus import is_device
 from ankleloop.signals.decimation import differentiate
@@ -120,6 +133,38 @@ def test_a_device_has_friction_and_no_reflex(settings, friction, expected):
     velocity = differentiate(trial["position"].values, RATE)
     rubbed = trial.assign(torque=trial["torque"] + friction * np.sign(velocity))
     assert is_device([prepare(rubbed)], "reference", 100.0) is expected
+
+
+@pytest.mark.skipif(
+    "ANKLELOOP_RECORDINGS" not in os.environ,
+    reason="set ANKLELOOP_RECORDINGS to the folder with DATA_EMPS.mat to run this",
+)
+def test_a_machine_in_closed_loop_has_the_published_parameters():
+    """M, Fv and Fc of Janot, Gautier and Brunot (2019), by least squares of the inverse model."""
+    trial = read_trial(
+        Path(os.environ["ANKLELOOP_RECORDINGS"], "DATA_EMPS.mat"),
+        position="qm",
+        torque="vir",
+        reference="qg",
+        position_unit=1.0,
+        torque_unit=35.15,
+    )
+    check = check_trial(trial)
+    assert check.verdict != "refused"
+    assert "apparatus" in check.methods
+    published = {"I": (95.11, 0.01), "B": (203.5, 0.04), "friction": (20.39, 0.04)}
+    for highest in (None, 20.0, 10.0):
+        estimate = identify(trial, "apparatus", highest_frequency=highest)
+        for name, (value, share) in published.items():
+            assert estimate[name] == pytest.approx(value, rel=share), (highest, name)
+        assert not estimate.warnings
+    middle = 0.5 * float(trial["time"][-1])
+    apparatus = identify(segment(trial, 0.0, middle), "apparatus")
+    other = segment(trial, middle, 2.0 * middle)
+    assert apparatus.predict(other).vaf_net > 99.5
+    rest = identify(subtract(other, apparatus))
+    assert abs(rest["I"]) < 0.04 * apparatus["I"]
+    assert "of the torque, as those of any other record would" in rest.warnings[-1]
 
 
 @pytest.mark.parametrize("seed", range(20))
