@@ -32,8 +32,8 @@ Results, in the folder of --output:
 """
 RESULTS = "Folder of the results.  [default: FILE-results, of several files ankleloop-results]"
 CHOICE = (
-    "Method to fit (riv, pr-moesp, pi-moesp, parallel-cascade, riv-tv, or one that another package registers), several "
-    "times for several.  [default: all that are valid]"
+    "Method to fit (riv, pr-moesp, pi-moesp, parallel-cascade, riv-tv, apparatus of a device without a subject, or one "
+    "that another package registers), several times for several.  [default: all that are valid for a joint]"
 )
 DELAY = "Reflex delay of every method [s]; `estimate` for the methods that can.  [default: that of each method]"
 JOBS = "Files that are identified side by side.  [default: as many as there are processors]"

@@ -8,8 +8,6 @@ from typing import Any
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.estimate_files import load_estimate
-from ankleloop.methods.apparatus import subtract
 from ankleloop.options import check_path, show_fields
 from ankleloop.signals.sampling import check_same_rate, compute_rate
 from ankleloop.trials.files import PathLike
@@ -131,7 +129,13 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     )
     for name in options.further:
         trial[name].attrs["units"] = variables[name].unit
-    return subtract(trial, load_estimate(options.apparatus)) if options.apparatus else trial
+    if options.apparatus is None:
+        return trial
+    # Here, because their import takes time.
+    from ankleloop.joint.estimate_files import load_estimate
+    from ankleloop.methods.apparatus import subtract
+
+    return subtract(trial, load_estimate(options.apparatus))
 
 
 def settle_position_unit(variables: Mapping[str, Variable], options: Reading) -> Reading:
