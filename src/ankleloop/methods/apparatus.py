@@ -54,7 +54,7 @@ class ApparatusOptions(MethodOptions):
     )
     highest_frequency: float | None = option(
         None,
-        "upper edge of the band of the fit; null for that of riv, 0.4 times the rate of the identification",
+        "upper edge of the band of the fit; null for that of riv, 0.38 times the rate of the identification",
         unit="Hz",
         ge=1,
         le=4000,
