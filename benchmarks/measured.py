@@ -14,6 +14,7 @@ os.environ.update(
     dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 )
 
+import apparatus
 import effects
 import ensembles
 import faults
@@ -27,7 +28,7 @@ from scipy import signal
 from tools import ROOT, format_table
 
 from ankleloop import cramer_rao, identify, simulate
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 from ankleloop.subspace import moesp
 
 ENSEMBLES = 200  # of each kind
@@ -37,7 +38,7 @@ TRIALS = 300  # of each setting, for the intervals and errors of riv
 def measure_speed():
     """Processor time of identifications and of a simulation, and the comparison with other programs."""
     trials = [simulate(seed=seed) for seed in range(12)]
-    calls = {name: lambda seed, name=name: identify(trials[seed], name) for name in RECORD_METHODS}
+    calls = {name: lambda seed, name=name: identify(trials[seed], name) for name in JOINT_METHODS}
     calls["simulate"] = lambda seed: simulate(seed=seed)
     rows = []
     for name, call in calls.items():
@@ -204,6 +205,7 @@ PAGES = {
     "coverage": ("Measured: coverage of intervals", measure_coverage),
     "ensembles": ("Measured: short windows around perturbations", measure_ensembles),
     "faults": ("Measured: faults of a laboratory", measure_faults),
+    "apparatus": ("Measured: the apparatus", apparatus.measure_apparatus),
 }
 
 

@@ -38,6 +38,7 @@ __all__ = [
     "segment",
     "simulate",
     "subspace",
+    "subtract",
     "trajectory_bound",
     "vaf",
 ]
@@ -70,6 +71,8 @@ def _import_module(name: str) -> ModuleType:  # noqa: C901 # a list
             from ankleloop.joint import estimate as module
         case "load_estimate" | "save_estimate":
             from ankleloop.joint import estimate_files as module
+        case "subtract":
+            from ankleloop.methods import apparatus as module
         case "METHODS" | "identify" | "method_options":
             from ankleloop.methods import registry as module
         case "evaluate":

@@ -44,6 +44,8 @@ PARAMETERS = {
     "pole": Quantity("third pole of the reflex", "p", "rad/s"),
     "threshold": Quantity("threshold of the reflex", "threshold", "rad/s"),
     "K_slope": Quantity("slope of the intrinsic stiffness", "dK/dt", "N·m/(rad·s)"),
+    "friction": Quantity("Coulomb friction", "friction", "N·m"),
+    "offset": Quantity("torque without movement", "offset", "N·m"),
     "delay": Quantity("reflex delay", "delay", "s", "delay", (0.02, 0.07)),
 }
 # Simulation setting that is the true value of each parameter.

@@ -70,6 +70,8 @@ def study(
         refuse_existing([new])
     # The only study of a file has the name of the file, so that no other study has its results.
     name = name_recording(new).replace(".", "-")
+    if values.get("apparatus") is not None:  # the study may run in another folder
+        values["apparatus"] = str(Path(values["apparatus"]).absolute())
     settings, remarks, left_out = _describe_recordings(files, names, values)
     if not settings["files"]:
         show_error(f"no file can be read: {' '.join(left_out)}")

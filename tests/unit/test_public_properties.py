@@ -15,7 +15,7 @@ from ankleloop import (
     segment,
     simulate,
 )
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 
 RATE = 500.0
 SAMPLES = 400
@@ -95,7 +95,7 @@ def test_segments_side_by_side_are_the_segment_of_both(seed, edges):
 # --- identification and scores
 
 
-@pytest.mark.parametrize("method", RECORD_METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_an_identification_changes_nothing_and_options_have_their_defaults(trial, method):
     copy = trial.copy(deep=True)
     first, second = (identify(trial, method, **options) for options in ({}, method_options(method)))

@@ -133,8 +133,9 @@ def block_bootstrap(
     Raises
     ------
     DataError
-        If a trial is unusable, if all together are less than ten blocks long or one is shorter than a block, or if
-        more than a tenth of the repetitions fail: the rest would be a selection of records that suit the method.
+        If a trial is unusable or less an apparatus, if all together are less than ten blocks long or one is shorter
+        than a block, or if more than a tenth of the repetitions fail: the rest would be a selection of records that
+        suit the method.
     ValueError
         For an argument of another type or out of its range: 2 to 100 000 repetitions, a block of 0.001 s or more.
 
@@ -160,6 +161,10 @@ def block_bootstrap(
     block = check_number("block_bootstrap", "block", block, "s", ge=0.001, le=1e6)
     seed = check_integer("block_bootstrap", "seed", seed, ge=0)
     originals = prepare_trials(trial)
+    if any(part.apparatus for part in originals):
+        raise DataError(
+            "draws of a trial do not show how uncertain the apparatus is that it is less: take the intervals of riv."
+        )
     is_list = isinstance(trial, (list, tuple))
     estimate = identify(originals if is_list else originals[0], method, **options)
     rate = estimate.torque.attrs["identification_rate"]

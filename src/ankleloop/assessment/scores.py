@@ -203,6 +203,10 @@ def parameter_row(trial: Trials, estimate: Estimate) -> dict[str, Any]:
     settings = prepared.trial.attrs if "torque_reflex" in prepared.trial else {}
     if {"omega_n", "zeta"} <= set(settings) and "poles" in diagnostics:
         row |= _compare_poles(np.asarray(diagnostics["poles"]), estimate, settings)
+    if "apparatus" in diagnostics:
+        row["apparatus"] = diagnostics["apparatus"]["fingerprint"]
+        shared = diagnostics["apparatus"]["standard_errors"]
+        row |= {f"{name}_apparatus": error for name, error in shared.items()}
     if "selection" in diagnostics:
         selection = diagnostics["selection"]
         chosen = selection["chosen"].items()

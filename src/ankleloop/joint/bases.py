@@ -150,17 +150,33 @@ class SplineBasis(Basis):
         return splines[1:]
 
 
+class FrictionBasis(Basis):
+    """The sign of the velocity, as Coulomb friction has it: one function, of an apparatus and not of a reflex."""
+
+    kind = "friction"
+    names = ("direction",)
+    has_threshold = False
+    extrapolates = True
+
+    def __call__(self, velocity: np.ndarray) -> np.ndarray:
+        """Evaluate the sign."""
+        return np.sign(velocity)[None, :]
+
+
+FRICTION = FrictionBasis(degree=1, scale=1.0, knots=np.empty(0))
+# Those of a reflex, which options know.
 BASES: dict[str, type[Basis]] = {
     basis.kind: basis for basis in (ChebyshevBasis, RectifierBasis, SplineBasis)
 }
+STORED_BASES = {**BASES, FRICTION.kind: FrictionBasis}
 
 
 def read_basis(fields: Fields) -> Basis:
     """The basis whose `kind` and fields a file holds."""
     kind = fields.text("basis")
-    if kind not in BASES:
+    if kind not in STORED_BASES:
         raise DataError(
             f"{fields.source}: the basis {kind!r} is unknown to ankleloop {version('ankleloop')}: install the newest "
             "one, or identify again."
         )
-    return read_fields(BASES[kind], fields)
+    return read_fields(STORED_BASES[kind], fields)

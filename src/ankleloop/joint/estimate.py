@@ -54,9 +54,10 @@ class Estimate:
         coordinate `trial`, which counts them from 1. Of an ensemble they are means of each condition over the time from
         the onset, less what is the same in all trials.
     stiffness : dict
-        "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²]; of an ensemble "K_slope" [N·m/(rad·s)], too.
+        "K" [N·m/rad], "B" [N·m·s/rad], "I" [kg·m²]; of an ensemble "K_slope" [N·m/(rad·s)], of an apparatus "friction"
+        [N·m] and "offset" [N·m], too.
     reflex : dict
-        "delay" [s] and, where the method gives them, "G" [N·m·s/rad], "omega_n" [rad/s], "zeta".
+        "delay" [s] and, where the method gives them, "G" [N·m·s/rad], "omega_n" [rad/s], "zeta". Empty of an apparatus.
     intervals : dict
         95 % intervals (low, high) by the same names, where the method gives them.
     diagnostics : dict
@@ -97,6 +98,9 @@ class Estimate:
     excitation                            information about a trajectory over its mean
     converged                             whether a search ended
     conditions, position                  of an ensemble: trials of each condition, and its mean position [rad]
+    apparatus                             what was subtracted: "text", "source", "fingerprint", "values", and the
+                                          "standard_errors" of the parameters that are its own: `apparatus`
+    source                                of an apparatus: what its record is called
     ====================================  ==============================================================================
 
     Examples
@@ -277,6 +281,11 @@ class Estimate:
     def conditions(self) -> dict[str, int]:
         """Trials of each condition of an ensemble by its name, in the order of their torques; else empty."""
         return dict(self.diagnostics.get("conditions", {}))
+
+    @property
+    def apparatus(self) -> str:
+        """What was subtracted of the torque, in words; empty where nothing was."""
+        return str(self.diagnostics.get("apparatus", {}).get("text", ""))
 
     @property
     def holds(self) -> str:
@@ -463,12 +472,16 @@ class Estimate:
 
     def _list_remarks(self) -> list[str]:
         """Net VAF, where the delay comes from, what is missing or assumed, and warnings."""
-        delay = "estimated" if "delay" in self.intervals else "assumed"
-        first = f"reflex delay: {delay}"
+        first = []
         score = self.vaf_net
         if score is not None:
-            first = f"net VAF: {score:.1f} %; {first}"
-        lines = [first]
+            first.append(f"net VAF: {score:.1f} %")
+        if "delay" in self.reflex:
+            delay = "estimated" if "delay" in self.intervals else "assumed"
+            first.append(f"reflex delay: {delay}")
+        lines = ["; ".join(first)]
+        if self.apparatus:
+            lines.append(self.apparatus)
         trials = len(split_torques(self.torque))
         if self.conditions:
             counts = [f"{name} ({count} trials)" for name, count in self.conditions.items()]

@@ -161,7 +161,7 @@ def read_estimate(groups: Mapping[str, Fields]) -> Estimate:
         method=groups[""].text("method"),
         torque=dataset,
         stiffness=_read_numbers(groups["stiffness"]),
-        reflex=_read_numbers(groups["reflex"]),
+        reflex=_read_numbers(groups.get("reflex", Fields("", {}))),  # an apparatus has none
         intervals=_read_intervals(groups.get("intervals", Fields("", {}))),
         diagnostics=load_values(groups["diagnostics"].text(DIAGNOSTICS_TEXT)),
         predictor=read_model(groups["model"]) if "model" in groups else None,

@@ -340,7 +340,23 @@ class TimeVaryingModel(JointModel):
         ]
 
 
-Model = StateSpaceModel | PhysicalModel | ResponseModel | TimeVaryingModel
+@dataclass(frozen=True, eq=False)
+class ApparatusModel(JointModel):
+    """An apparatus without a subject: what moves with the position, and friction that has the sign of the velocity."""
+
+    # Shape (3,): K [N·m/rad], B [N·m·s/rad], I [kg·m²].
+    stiffness: Annotated[np.ndarray, Stored("parameter")]
+    friction: Annotated[float, Stored(unit="N·m")]
+    kind: ClassVar[str] = "apparatus"
+    matrices: ClassVar[None] = None
+
+    def simulate(self, trial: PreparedTrial, regressors: Regressors) -> xr.Dataset:
+        """Torques of a trial; that of the reflex is zero."""
+        torque = regressors.inputs @ np.append(self.stiffness, self.friction)
+        return sum_paths(regressors.time, regressors.rate, torque, np.zeros(torque.size))
+
+
+Model = StateSpaceModel | PhysicalModel | ResponseModel | TimeVaryingModel | ApparatusModel
 MODEL_KINDS: dict[str, type[Model]] = {model.kind: model for model in get_args(Model)}
 
 

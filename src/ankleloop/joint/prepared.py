@@ -12,7 +12,8 @@ import numpy as np
 import xarray as xr
 
 from ankleloop.errors import DataError
-from ankleloop.joint.bases import BASES, Basis
+from ankleloop.joint.apparatus import Apparatus
+from ankleloop.joint.bases import BASES, FRICTION, Basis
 from ankleloop.joint.regressors import (
     Grid,
     InputStep,
@@ -81,6 +82,7 @@ class PreparedTrial:
                 samples.flags.writeable = False
                 variable.data = samples
         self.rate = float(self.trial.attrs["sampling_rate"])
+        self.apparatus = Apparatus.carried_by(self.trial)  # what is subtracted of the torque
         # As recorded, by name, shape (samples,).
         self.samples = {
             str(name): variable.values for name, variable in self.trial.variables.items()
@@ -116,8 +118,15 @@ class PreparedTrial:
 
     @once
     def channel(self, name: str, grid: Grid) -> np.ndarray:
-        """A variable, decimated; shape (N,)."""
-        return decimate(self.samples[name], *grid)
+        """A variable, decimated; the torque less that of the apparatus. Shape (N,)."""
+        values = decimate(self.samples[name], *grid)
+        if name == "torque" and self.apparatus is not None:
+            values -= self.apparatus_inputs(grid) @ self.apparatus.linear
+        return values
+
+    def apparatus_inputs(self, grid: Grid) -> np.ndarray:
+        """Position, velocity, acceleration and the sign of the velocity, decimated; shape (N, 4)."""
+        return _make_inputs(self, 0.0, FRICTION, grid, None)
 
     def channel_at(self, name: str, time: np.ndarray, identification_rate: float) -> np.ndarray:
         """A variable at the times of an estimate [s], through the decimation that the data of the estimate had.

@@ -31,6 +31,10 @@ SOURCES = {
         "Kearney, Stein and Parameswaran 1997",
     ),
     "real-time": ("the real-time algorithm", "Ludvig and Kearney 2006"),
+    "apparatus": (
+        "instrumental variables with Coulomb friction, as that of a device without a subject,",
+        "Janot, Gautier and Brunot 2019",
+    ),
 }
 INTERVALS = {
     "asymptotic": "from the asymptotic covariance",
@@ -71,6 +75,8 @@ def describe_methods(estimate: Estimate) -> str:
         sentences.append("The instrument was the condition, what was commanded in each trial.")
     elif "reference" in diagnostics:
         sentences.append(f"Instruments were made of the variable {diagnostics['reference']}.")
+    if estimate.apparatus:
+        sentences.append(f"Torque and parameters are {estimate.apparatus}.")
     kind = diagnostics.get("intervals")
     if kind in INTERVALS:
         sentences.append(f"Intervals (95 %) are {INTERVALS[kind]}.")

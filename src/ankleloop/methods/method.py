@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, isfinite
+from math import ceil, inf, isfinite
 from typing import Any, Literal, NamedTuple, Self
 
 import xarray as xr
@@ -204,6 +204,10 @@ class Method:
         ``prepare(method, trial, options)`` gives the prepared trials of what is identified, or refuses it.
     check : callable
         ``check(method, trials, options)`` gives warnings about the data of prepared trials, or refuses them.
+    of_device : bool
+        Whether it identifies a device without a subject, and no joint.
+    subtracts : bool
+        Whether it takes trials of which an apparatus is subtracted, and adds the covariance of that to its own.
 
     Examples
     --------
@@ -227,11 +231,14 @@ class Method:
     offer: Offer | None = None
     prepare: Callable[[Method, Any, Any], list[PreparedTrial]] = prepare_records
     check: Callable[[Method, Sequence[PreparedTrial], Any], list[str]] = check_records
+    of_device: bool = False
+    subtracts: bool = False
 
     def __call__(self, trial: Trial | Sequence[Trial], **options: Any) -> Estimate:
         """Identify a trial, or a list of trials that are merged into one estimate."""
         chosen = self.options.parse(f"method {self.name!r}", **options)
         trials = self.prepare(self, trial, chosen)
+        _check_apparatus(self, trials)
         if isinstance(chosen, MethodOptions):
             chosen = chosen.at_rate(trials[0].rate)
         data_warnings = self.check(self, trials, chosen)
@@ -239,7 +246,7 @@ class Method:
         diagnostics = dict(estimate.diagnostics)
         assumptions = _list_assumptions(chosen, self.reference(chosen))
         diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
-        faults = _list_faults(estimate)
+        faults = _list_faults(estimate, self)
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
         if data_warnings:
             diagnostics["data_warnings"] = data_warnings
@@ -262,6 +269,23 @@ class Method:
         if needed is None or self.reference(options) == "position":
             return False
         return all(getattr(options, name) == value for name, value in needed.items())
+
+
+def _check_apparatus(method: Method, trials: Sequence[PreparedTrial]) -> None:
+    """Refuse trials that are less an apparatus, or less several ones, where the method does not know of it."""
+    carried = {trial.apparatus and trial.apparatus.fingerprint for trial in trials}
+    if carried == {None}:
+        return
+    if not method.subtracts:
+        raise DataError(
+            f"the trial is {trials[0].apparatus}, and {method.name} does not know how uncertain that is: take riv or "
+            "riv-tv."
+        )
+    if len(carried) > 1:
+        raise DataError(
+            "the trials are less different apparatuses, or some of them less none: subtract the same one of all that "
+            "are merged."
+        )
 
 
 def _list_assumptions(options: Any, reference: str | None) -> list[str]:
@@ -290,8 +314,11 @@ def _data_use(options: Any) -> dict[str, Any]:
     return given
 
 
-def _list_faults(estimate: Estimate) -> list[str]:
-    """Warnings about parameters that are no numbers, or that no joint has with all of their interval."""
+def _list_faults(estimate: Estimate, method: Method) -> list[str]:
+    """Warnings about parameters that are no numbers, or that no joint has with all of their interval.
+
+    A device may be of any size, and be pulled away from where it stands; it has no negative inertia or viscosity.
+    """
     values = estimate.values
     warnings = []
     missing = [name for name, value in values.items() if not isfinite(value)]
@@ -303,11 +330,15 @@ def _list_faults(estimate: Estimate) -> list[str]:
         if quantity is None or is_given:
             continue
         least, most = quantity.plausible
+        subject = "joint"
+        if method.of_device:
+            subject = "device"
+            least, most = (-inf if name == "K" else least), inf
         low, high = estimate.intervals.get(name, (value, value))
         if high < least or low > most:
             fault = f"not within {least:g} … {most:g}"
             if value < 0:
-                fault = "negative, which no joint has"
+                fault = f"negative, which no {subject} has"
             warnings.append(
                 f"{name} = {value:.3g} {quantity.unit} is {fault}: check signs, units and rate."
             )

@@ -10,7 +10,7 @@ from typing import Any, cast
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare_trials
-from ankleloop.methods import moesp, parallel_cascade, real_time
+from ankleloop.methods import apparatus, moesp, parallel_cascade, real_time
 from ankleloop.methods.ensemble import ensemble
 from ankleloop.methods.entry_points import GROUP, find_entry_points, name_package
 from ankleloop.methods.method import POSITION, Method, Trial
@@ -20,11 +20,12 @@ from ankleloop.methods.selection import check_selection, select_options
 from ankleloop.options import suggest_name
 
 # In the order in which methods are preferred where the data cannot tell them apart: the fewest parameters first.
-FAMILIES = (riv, moesp, parallel_cascade, real_time, riv_tv, ensemble)
+FAMILIES = (riv, moesp, parallel_cascade, real_time, riv_tv, apparatus, ensemble)
 METHODS: Mapping[str, Method] = {
     method.name: method for module in FAMILIES for method in module.METHODS
 }
 RECORD_METHODS = {name: method for name, method in METHODS.items() if method.takes_records}
+JOINT_METHODS = {name: method for name, method in RECORD_METHODS.items() if not method.of_device}
 DEFAULT = "riv"  # where there is a reference; without one no method is valid whatever the loop
 
 
@@ -68,9 +69,11 @@ def load_registered() -> tuple[dict[str, Method], list[str]]:
 def _describe_no_default() -> str:
     """Why there is no default without a reference, and which methods there are if the loop is open."""
     by_position = {
-        name for name, method in METHODS.items() if method.validity.without_reference == POSITION
+        name
+        for name, method in JOINT_METHODS.items()
+        if method.validity.without_reference == POSITION
     }
-    others = ", ".join(repr(name) for name in RECORD_METHODS if name not in by_position)
+    others = ", ".join(repr(name) for name in JOINT_METHODS if name not in by_position)
     return (
         "the trial has no reference, so no method is valid whatever the loop: give the command of the servo as "
         "reference, or, if nothing was compliant while it was recorded (open loop), take 'riv' with "
@@ -109,8 +112,9 @@ def identify(
         `ankleloop.methods.moesp.identify_moesp`), "parallel-cascade" (see
         `ankleloop.methods.parallel_cascade.identify_parallel_cascade`), "real-time" (see
         `ankleloop.methods.real_time.identify_real_time`), "riv" (see `ankleloop.methods.riv.riv.identify_riv`) or
-        "riv-tv" (see `ankleloop.methods.riv_tv.riv_tv.identify_riv_tv`); the name of a method that another package
-        registers by an entry point of the group ``ankleloop.methods``; or a `ankleloop.methods.method.Method`.
+        "riv-tv" (see `ankleloop.methods.riv_tv.riv_tv.identify_riv_tv`), or of a device without a subject "apparatus"
+        (see `ankleloop.methods.apparatus.identify_apparatus`); the name of a method that another package registers by
+        an entry point of the group ``ankleloop.methods``; or a `ankleloop.methods.method.Method`.
     select : dict of str to sequence, optional
         Options to choose from, each with its candidates from simple to complex. The choice is made on parts of the
         record that the fit has not seen (see `ankleloop.methods.selection.select_options`), then the whole record is

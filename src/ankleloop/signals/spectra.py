@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import accumulate
+from math import inf
 
 import numpy as np
 from scipy.fft import irfft, rfft
@@ -213,14 +214,14 @@ class Bands:
 
 
 @lru_cache(maxsize=8)
-def pass_band(samples: int, rate: float) -> Band:
-    """The band of an identification: from 0.05 Hz to the end of the pass band of the decimation."""
-    return Band(samples, rate, lowest=LOWEST_FREQUENCY, highest=PASSBAND * rate)
+def pass_band(samples: int, rate: float, highest: float = inf) -> Band:
+    """The band of an identification: from 0.05 Hz to the end of the pass band of the decimation, or to a lower one."""
+    return Band(samples, rate, lowest=LOWEST_FREQUENCY, highest=min(highest, PASSBAND * rate))
 
 
-def pass_bands(sizes: Sequence[int], rate: float) -> Bands:
+def pass_bands(sizes: Sequence[int], rate: float, highest: float = inf) -> Bands:
     """The band of an identification from records of so many samples."""
-    return Bands(tuple(pass_band(samples, rate) for samples in sizes))
+    return Bands(tuple(pass_band(samples, rate, highest) for samples in sizes))
 
 
 def segment_spectra(records: Sequence[np.ndarray], length: int, step: int) -> np.ndarray:

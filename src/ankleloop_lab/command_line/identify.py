@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from ankleloop_lab.command_line.terminal import (
     show_next,
     show_progress,
 )
+from ankleloop_lab.recordings.settings import Recording
 
 EPILOG = """\b
 Examples:
@@ -47,8 +48,9 @@ Exit status: 0 if all files can be used, 3 if some can, 1 if none can.
 """
 RESULTS = "Folder of the results.  [default: FILE-results, of several files ankleloop-results]"
 CHOICE = (
-    "Method to fit (riv, pr-moesp, pi-moesp, parallel-cascade, riv-tv, ensemble, or one that another package "
-    "registers), several times for several.  [default: all that are valid]"
+    "Method to fit (riv, pr-moesp, pi-moesp, parallel-cascade, riv-tv, ensemble of windows, apparatus of a device "
+    "without a subject, or one that another package registers), several times for several.  [default: all that are "
+    "valid for a record of a joint]"
 )
 DELAY = "Reflex delay of every method [s]; `estimate` for the methods that can.  [default: that of each method]"
 JOBS = "Files that are identified side by side.  [default: as many as there are processors]"
@@ -91,25 +93,45 @@ def identify(
     on the second, then fitted to the whole. A file that cannot be used is refused with the reason, and the others are
     identified. Files that exist are replaced with --overwrite only, or where they say no more than a refusal.
     """
-    from ankleloop_lab.command_line import analysis
-
     folder = output or Path("ankleloop-results" if len(files) > 1 else f"{files[0]}-results")
     named = [f"delay={'null' if delay == 'estimate' else delay}"] if delay else []
     fields = _parse_options([*named, *options])
-    if (onsets is not None) != ("ensemble" in methods) or (onsets is not None and len(methods) > 1):
-        raise click.UsageError(
-            "--method ensemble needs --onsets and --condition, and these no other method: it alone takes windows "
-            "around perturbations."
-        )
-    kinds = values.pop("condition") if onsets is not None else None
-    recordings = map_recordings(files, names, values, tolerant=True)
-    if onsets is not None:
+    if onsets is not None or "ensemble" in methods:
+        if onsets is None or methods != ("ensemble",):
+            raise click.UsageError(
+                "--method ensemble needs --onsets and --condition, and these no other method: it alone takes windows "
+                "around perturbations."
+            )
         from ankleloop_lab.command_line.ensembles import identify_ensembles
 
+        kinds = values.pop("condition")
+        recordings = map_recordings(files, names, values, tolerant=True)
         done = identify_ensembles(
             recordings, folder, onsets, kinds, fields, context.obj, overwrite=overwrite
         )
         return int(not done)
+    recordings = map_recordings(files, names, values, tolerant=True)
+    status = _identify_records(
+        recordings, folder, methods, fields, jobs, context.obj, overwrite=overwrite
+    )
+    if names is None:
+        _suggest_names(files)
+    return status
+
+
+def _identify_records(
+    recordings: Mapping[str, tuple[Recording, Path]],
+    folder: Path,
+    methods: Sequence[str],
+    fields: Mapping[str, Any],
+    jobs: int | None,
+    words: Sequence[str],
+    *,
+    overwrite: bool,
+) -> int:
+    """Identify whole records, and show what comes of each and of all; `words` are those of the command."""
+    from ankleloop_lab.command_line import analysis
+
     several = len(recordings) > 1
     analyses = [
         analysis.plan_analysis(name, path, recording, methods, fields)
@@ -138,12 +160,11 @@ def identify(
         page = folder / f"{analyses[0].name}.html"
         if several:
             page = analysis.write_summary(tables, folder)
+    files = [path for _, path in recordings.values()]
     for items, concerned in corrections.items():
         others = {str(file) for file in files if file not in concerned}
-        show_correction(dict(items), [word for word in context.obj if word not in others])
+        show_correction(dict(items), [word for word in words if word not in others])
     show_next(f"open {page}")
-    if names is None:
-        _suggest_names(files)
     usable = [table["valid"].any() for table in tables]
     if all(usable):
         return DONE

@@ -32,6 +32,7 @@ OPTIONS = (
     "torque_sign",
     "time",
     "sampling_rate",
+    "apparatus",
 )
 PERIOD = 0.5  # s between two lines, as between two estimates
 
@@ -77,6 +78,7 @@ def live(
     by label or by number, from 0, or found by their names, and units are those that the source states, as in files.
     Each estimate is that of riv on the last seconds.
     """
+    from ankleloop.joint.estimate_files import load_estimate
     from ankleloop.trials.files import write_csv
     from ankleloop_lab.live.live_estimate import LiveEstimate
     from ankleloop_lab.live.record import Record, find_free
@@ -90,7 +92,10 @@ def live(
     source: Source = StreamSource(lsl, options) if lsl else TableSource(place, options)
     echo(source.summary)
     recorder = Record(record, source.rate) if record else None
-    estimate = LiveEstimate(source.rate, memory, jitter=source.jitter, record=recorder)
+    apparatus = load_estimate(options.apparatus) if options.apparatus else None
+    estimate = LiveEstimate(
+        source.rate, memory, jitter=source.jitter, record=recorder, apparatus=apparatus
+    )
     estimate.enough(widths)
     view = LiveView(source, estimate, widths)
     if not no_page:

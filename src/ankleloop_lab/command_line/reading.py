@@ -27,6 +27,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 METAVARS = {"variables": "NAME=VARIABLE,…", "cycle_onsets": "NAME|TIMES"}
 METAVARS |= dict.fromkeys(("position_unit", "torque_unit", "reference_unit"), "UNIT|NUMBER")
+METAVARS["apparatus"] = "FILE"
 METAVARS |= dict.fromkeys(("schedule", "time", *CHANNELS), "NAME")
 DEFAULTS = {"position_unit": "as the file states it, else rad", "sampling_rate": "that of the file"}
 DEFAULTS["torque_unit"] = "as the file states it, else N·m"

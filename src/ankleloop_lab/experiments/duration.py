@@ -116,6 +116,9 @@ def plan_duration(
             f"plan_duration: widths must be a mapping such as {{'K': 0.05}}, got {show_value(widths)}."
         )
     values, errors, used = _expect(joint)
+    shared: Mapping[str, float] = {}
+    if isinstance(joint, Estimate):
+        shared = joint.diagnostics.get("apparatus", {}).get("standard_errors", {})
     needed = {}
     for name, width in widths.items():
         if name not in values:
@@ -128,7 +131,16 @@ def plan_duration(
             raise DataError(
                 f"{name} has no standard error: identify a pilot by riv whose perturbation excites it, of 15 s or more."
             )
-        narrowing = TWO_SIDED * error / (share * values[name])
+        half_width = share * abs(values[name])
+        least = TWO_SIDED * shared.get(name, 0.0)
+        if half_width <= least:
+            raise DataError(
+                f"{name} within {100 * share:.2g} % cannot be had however long the record is: the apparatus alone "
+                f"leaves {100 * least / abs(values[name]):.2g} %. Record the empty device for longer."
+            )
+        # The share of the apparatus does not fall with the time.
+        own = np.sqrt(error**2 - shared.get(name, 0.0) ** 2)
+        narrowing = TWO_SIDED * own / np.sqrt(half_width**2 - least**2)
         needed[name] = used * narrowing**2 + LOST_TIME
         if needed[name] > LONGEST_RECORD:
             within = share * np.sqrt((needed[name] - LOST_TIME) / (LONGEST_RECORD - LOST_TIME))

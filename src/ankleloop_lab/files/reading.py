@@ -79,6 +79,9 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
         Factors that bring the file to the convention here: the torque opposes stretch, so stiffness is positive.
     case : int, optional
         The trial of an FLB file that has several, counted from 1.
+    apparatus : str, optional
+        A file of `ankleloop.save_estimate` with the estimate of the device without a subject, which is subtracted
+        (`ankleloop.subtract`).
     variables : mapping of str to str, optional
         Further variables, as the one that schedules a joint or the phase of a cycle: the name in the trial, and the
         variable of the file. Their numbers stay as the file has them.
@@ -149,7 +152,13 @@ def read_trial(path: PathLike, **mapping: Any) -> xr.Dataset:
     )
     for name in options.further:
         trial[name].attrs["units"] = variables[name].unit
-    return trial
+    if options.apparatus is None:
+        return trial
+    # Here, because their import takes time.
+    from ankleloop.joint.estimate_files import load_estimate
+    from ankleloop.methods.apparatus import subtract
+
+    return subtract(trial, load_estimate(options.apparatus))
 
 
 def find_factors(

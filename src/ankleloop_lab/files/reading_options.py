@@ -87,6 +87,12 @@ class ReadingOptions(Options):
         "file, as {ankle_angle: angle}; in tables ankle_angle=angle, with commas between several",
     )
 
+    apparatus: str | None = option(
+        None,
+        "file with the estimate of the device without a subject, by the method apparatus, which is subtracted",
+        min_length=1,
+    )
+
     @field_validator("position_unit", "torque_unit", "reference_unit", mode="before")
     @classmethod
     def _as_unit(cls, value: Any, info: ValidationInfo) -> Any:

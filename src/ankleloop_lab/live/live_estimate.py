@@ -18,6 +18,7 @@ from ankleloop.checks.record import SHORTEST_RECORD
 from ankleloop.errors import NUMERICAL_ERRORS, DataError, describe_error
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare_trials
+from ankleloop.methods.apparatus import subtract
 from ankleloop.methods.registry import identify
 from ankleloop.methods.riv.riv import RivOptions, identify_riv
 from ankleloop.options import as_real, check_number
@@ -75,6 +76,8 @@ class LiveEstimate(ExitStack):
         How far stamps may be off [s]: those of programs that send samples in pieces are. Gaps up to it are not seen.
     record : Record, optional
         What writes the samples that follow one another, as `ankleloop live --record` does.
+    apparatus : Estimate, optional
+        What is subtracted of each window (`ankleloop.subtract`).
     **options
         Options of `riv`, see ``help(ankleloop.METHODS["riv"].options)``.
 
@@ -115,12 +118,14 @@ class LiveEstimate(ExitStack):
         beside: bool = True,
         jitter: float = 0.0,
         record: Record | None = None,
+        apparatus: Estimate | None = None,
         **options: Any,
     ) -> None:
         super().__init__()
         self._rate = parse_rate(sampling_rate, source=OWNER)
         self._memory = check_number(OWNER, "memory", memory, "s", ge=SHORTEST_RECORD, le=3600)
         every = check_number(OWNER, "every", every, "s", ge=0.1, le=COMPARED)
+        self._apparatus = apparatus
         self._options = RivOptions.parse("method 'riv'", **options).at_rate(self._rate)
         self._given = options
         self.estimate: Estimate | None = None
@@ -282,7 +287,8 @@ class LiveEstimate(ExitStack):
     def _make_trial(self, samples: np.ndarray) -> xr.Dataset:
         """Trial of samples."""
         _, position, torque, reference = samples.T
-        return new_trial(position, torque, self._rate, reference)
+        trial = new_trial(position, torque, self._rate, reference)
+        return trial if self._apparatus is None else subtract(trial, self._apparatus)
 
     def _find_changes(self, samples: np.ndarray) -> None:
         """Compare the last seconds with the window before them."""

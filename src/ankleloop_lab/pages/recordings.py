@@ -19,6 +19,7 @@ from ankleloop_lab.pages.rendering import render_template
 from ankleloop_lab.plotting.recordings import model_figure, residual_figure, spectra_figure
 from ankleloop_lab.recordings.analysis import Analysis
 from ankleloop_lab.recordings.recommendation import (
+    describe_result,
     describe_variations,
     format_with_interval,
     recommend,
@@ -75,7 +76,7 @@ def render_recording_page(
         pictures={name: _embed(figure) for name, figure in figures.items()},
         methods=_compare_methods(analysis.table, list(marked.values())) if marked else None,
         variations=describe_variations(analysis),
-        format_with_interval=format_with_interval,
+        describe_result=describe_result,
     )
     return render_page(name, body, index=index)
 

@@ -282,7 +282,7 @@ def _test_residual(
     if not instrumental:
         return residual_test(residual, trial.channel_at("position", time, rate), rate)
     regressors = trial.regressors(
-        delay=estimate.reflex["delay"],
+        delay=estimate.reflex.get("delay", 0.0),  # an apparatus has none
         basis="rectifier",
         identification_rate=rate,
         reference="reference",

@@ -28,13 +28,17 @@ from ankleloop.checks.reference import find_reference_fault
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import Regressors
-from ankleloop.methods.method import KnownDelayOptions, Trial
+from ankleloop.methods.apparatus import is_device
+from ankleloop.methods.method import POSITION, KnownDelayOptions, Trial
+from ankleloop.methods.registry import METHODS
 from ankleloop.methods.riv.riv import RivOptions, find_solution
 from ankleloop.methods.riv.strength import check_answer, check_strength, find_unshown
 from ankleloop.options import option, show_fields
 from ankleloop.signals.responses import ReferenceProjection
 from ankleloop_lab.files.reading import LARGEST_JITTER
 from ankleloop_lab.recordings.validity import describe_validity, valid_methods
+
+DEVICE = "It looks like the record of a device without a subject. If it is one, take the method apparatus, by its name."
 
 
 @dataclass(frozen=True)
@@ -180,7 +184,12 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
     bias = path_bias(records)
     merged = len(records) > 1
     methods = valid_methods(loop, usable, bias, merged=merged)
+    if trials[0].apparatus is not None:
+        methods = {name: given for name, given in methods.items() if METHODS[name].subtracts}
     validity = describe_validity(methods, loop, usable, bias, merged=merged)
+    if is_device(trials, values.reference if usable else "position", values.identification_rate):
+        methods["apparatus"] = {} if usable else dict(POSITION)
+        validity += f" {DEVICE}"
     findings += [feedback, Finding("methods", "ok" if usable else "warning", validity)]
     return Check(findings, loop, methods, spectra, usable, bias)
 

@@ -19,6 +19,8 @@ POWER = 0.8  # probability that a difference is found
 QUANTILE = 0.975  # of two-sided 95 %
 NORMAL = 1.96  # that of the normal distribution
 MOST_SUBJECTS = 1000
+# Errors of no apparatus, by subject and apparatus.
+EMPTY = pd.Series(dtype=float, index=pd.MultiIndex.from_arrays([[], []]))
 NO_LABEL = ("", "–", None)  # cells without one
 NO_TEXT = ("", None, np.nan)
 
@@ -47,6 +49,15 @@ def compare(
               \nu = \frac{(v_1 + v_2)^2}{v_1^2 / (n_1 - 1) + v_2^2 / (n_2 - 1)}.
 
     Subjects count alike: weights by the inverse variance of each estimate would favour those with a low K.
+
+    An apparatus that is subtracted (`ankleloop.subtract`) moves all rows that share it alike, by :math:`s_A`, which
+    their scatter does not show. With the weights :math:`w` of the rows, 1/n in a mean and ±1/n in a difference, the
+    half width of every interval is
+
+    .. math:: \sqrt{m^2 + 1.96^2 \sum_A \left(\sum_{i \in A} w_i s_{A,i}\right)^2}
+
+    with the half width m without it. So it counts once in a mean, and cancels in a difference of conditions that share
+    it.
 
     With several sessions, in the column `session`, the mean squares between subjects (:math:`MS_S`), between sessions
     (:math:`MS_T`) and of the rest (:math:`MS_E`), of n subjects with all k sessions, give the agreement of single
@@ -132,18 +143,9 @@ def compare(
             continue
         means = used.pivot_table(name, subject, condition, observed=True, sort=False)
         means = means[_order(used[condition], means)]
-        found = [
-            {
-                "kind": "mean",
-                "condition": key,
-                **_describe(means[key]),
-                **_count_remarks(used[used[condition] == key]),
-            }
-            for key in means
-        ]
-        for first, second in combinations(means, 2):
-            describe = _describe_difference if between is None else _describe_group_difference
-            found.append(describe(means[first], means[second], size))
+        shared = _tabulate_apparatus(used, name, subject, condition)
+        found = _describe_means(means, shared, used, condition)
+        found += _describe_differences(means, shared, size, paired=between is None)
         if "session" in used:
             sessions = used.pivot_table(name, subject, [condition, "session"], observed=True)
             for key in means:
@@ -182,6 +184,69 @@ def _order(conditions: pd.Series, known: pd.DataFrame) -> list[Any]:
     else:
         order = order_conditions(conditions.unique())
     return [condition for condition in order if condition in known]
+
+
+def _describe_means(
+    means: pd.DataFrame, shared: dict[Any, pd.Series], table: pd.DataFrame, condition: str
+) -> list[Row]:
+    """Rows of the means of conditions."""
+    rows = []
+    for key in means:
+        remarks = _count_remarks(table[table[condition] == key])
+        row = {"kind": "mean", "condition": key, **_describe(means[key]), **remarks}
+        rows.append(_widen(row, [shared[key]]))
+    return rows
+
+
+def _describe_differences(
+    means: pd.DataFrame, shared: dict[Any, pd.Series], size: float, *, paired: bool
+) -> list[Row]:
+    """Rows of the differences of all pairs of conditions."""
+    describe = _describe_difference if paired else _describe_group_difference
+    rows = []
+    for first, second in combinations(means, 2):
+        errors = [-shared[first], shared[second]]
+        if paired:  # of subjects who have both
+            both = means[[first, second]].dropna().index
+            errors = [part[part.index.isin(both, level=0)] for part in errors]
+        rows.append(_widen(describe(means[first], means[second], size), errors))
+    return rows
+
+
+def _tabulate_apparatus(
+    table: pd.DataFrame, name: str, subject: str, condition: str
+) -> dict[Any, pd.Series]:
+    """Standard errors that apparatuses alone give the values of each condition, by subject and apparatus."""
+    column = f"{name}_apparatus"
+    if column not in table:
+        return dict.fromkeys(table[condition].unique(), EMPTY)
+    used = table.dropna(subset=[name])
+    errors = used[column].fillna(0.0).rename("error")
+    rows = used.groupby([subject, condition], observed=True)[name].transform("size")
+    names = [used[subject], used["apparatus"].fillna(""), used[condition]]
+    sums = (errors / rows).groupby(names, observed=True).sum()  # of the mean of a subject's rows
+    return {key: sums.xs(key, level=condition) for key in sums.index.unique(condition)}
+
+
+def _widen(row: Row, parts: list[pd.Series]) -> Row:
+    """A row whose interval holds the errors of apparatuses, too: those of one in all its rows are the same.
+
+    `parts` are errors of the values of subjects, over the subjects of each of which the row is a mean.
+    """
+    means = [part.groupby(level=1).sum() / part.index.unique(0).size for part in parts if part.size]
+    if not means:
+        return row
+    shared = NORMAL * np.sqrt(np.sum(pd.concat(means).groupby(level=0).sum() ** 2))
+    margin = row["high"] - row["value"]
+    if not shared or not margin > 0:
+        return row
+    factor = np.hypot(margin, shared) / margin
+    ends = {}
+    for value, *names in (("value", "low", "high"), ("percent", "percent_low", "percent_high")):
+        for name in names:
+            if name in row:
+                ends[name] = row[value] + factor * (row[name] - row[value])
+    return {**row, **ends}
 
 
 def _describe(values: pd.Series) -> Row:

@@ -45,6 +45,7 @@ READ = {
     "onset",
     "window_start",
     "window_end",
+    "apparatus",
 }
 SIMULATED = {
     "seed",

@@ -24,6 +24,7 @@ METHOD_COLUMNS = (
     "incomplete",
 )
 PARAMETERS = ("vaf_unseen", "K", "B", "I", "G")  # of a table of several estimates
+DEVICE = "apparatus"  # method for a device without a subject
 NO_TEXT = ("", float("nan"))  # cells without a text
 VARIATION_LEVEL = 0.05  # of the test whether anything varies
 CHANGES = {
@@ -88,16 +89,24 @@ def recommend(analysis: Analysis) -> Recommendation:
     choice = f"take {row['label']}: {reason}"
     if check.loop == "undecided" and not check.reference:
         choice = f"If the loop was open: {choice}"
-    has_interval = pd.notna(row.get("K_low"))
-    kind = f"{row['intervals']} 95 % interval" if has_interval else "without an interval"
-    stiffness = f"K = {format_with_interval(row, 'K')} {QUANTITIES['K'].unit}, {kind}"
-    texts = [choice, stiffness, *_reservations(row, valid)]
+    result = describe_result(row)
+    kind = f"{row['intervals']} 95 % interval" if "…" in result else "without an interval"
+    texts = [choice, f"{result}, {kind}", *_reservations(row, valid)]
     left_out = ", ".join(valid["label"].drop(comparable.index))
     if left_out:
         texts.append(
             f"Left out because of a warning, or without a score of the unseen half: {left_out}"
         )
     return Recommendation(row["label"], " ".join(f"{text}." for text in texts))
+
+
+def describe_result(row: pd.Series) -> str:
+    """What an estimate is about in a sentence: K of a joint, or inertia and friction of a device."""
+    names = ("I", "friction") if row["method"] == DEVICE else ("K",)
+    values = [
+        f"{name} = {format_with_interval(row, name)} {QUANTITIES[name].unit}" for name in names
+    ]
+    return ", ".join(values)
 
 
 def _explain_nothing(verdict: str, valid: pd.DataFrame, trusted: pd.DataFrame) -> str:
@@ -121,6 +130,10 @@ def _choose_by_reference(loop: str, trusted: pd.DataFrame, valid: pd.DataFrame) 
     if not changing.empty:
         row = changing.iloc[0]
         reason = "torque that is fed back does not bias it, and its test says that K, B or G change"
+    elif row["method"] == DEVICE:
+        reason = (
+            "torque that is fed back does not bias it, and it is for a device without a subject"
+        )
     elif row["method"] == "riv":
         reason = "and torque that is fed back does not bias it"
     else:
@@ -199,9 +212,9 @@ def format_with_interval(row: pd.Series, name: str) -> str:
 def format_parameters(table: pd.DataFrame) -> pd.DataFrame:
     """Score and parameters of estimates with their intervals: a row for each row of a table, with its index."""
     rows = [row for _, row in table.iterrows()]
+    names = [*PARAMETERS, "friction"] if "friction" in table else PARAMETERS  # of an apparatus
     cells = {
-        QUANTITIES[name].label: [format_with_interval(row, name) for row in rows]
-        for name in PARAMETERS
+        QUANTITIES[name].label: [format_with_interval(row, name) for row in rows] for name in names
     }
     return pd.DataFrame(cells, index=table.index)
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from ankleloop.methods.method import UNKNOWN, Method, Offer
-from ankleloop.methods.registry import RECORD_METHODS, find_method
+from ankleloop.methods.registry import JOINT_METHODS, find_method
 
 # % of K; the scatter of this measure in a record of a minute is about half of it.
 LARGEST_PATH_BIAS = 10.0
@@ -18,7 +18,7 @@ Methods = dict[str, dict[str, Any]]  # with their options, or what a study has o
 def valid_methods(loop: str, reference: bool, path_bias: float, *, merged: bool = False) -> Methods:
     """Methods of the library that are valid for a recording, with the options that make them so."""
     methods: Methods = {}
-    for name, method in RECORD_METHODS.items():
+    for name, method in JOINT_METHODS.items():
         options = _valid_options(method, reference) if loop != "open" or not reference else {}
         if reason_against(name, options, loop, reference, path_bias, merged=merged) is None:
             methods[name] = options
@@ -37,7 +37,7 @@ def describe_validity(
     """Which methods are valid for a recording, and which are not, in sentences."""
     invalid = [
         name
-        for name, method in RECORD_METHODS.items()
+        for name, method in JOINT_METHODS.items()
         if name not in methods and (method.merges or not merged)
     ]
     changed = {name: options for name, options in methods.items() if options}
@@ -111,12 +111,12 @@ def usual_methods(
 ) -> Methods:
     """Methods with labels and options that suit a minute of a recording at the ankle.
 
-    Those of some names, registered ones among them; else all of the library that are offered, those for a joint that
-    changes only if it does.
+    Those of some names, registered ones among them; else all of the library for joints that are offered, those for a
+    joint that changes only if it does.
     """
     named = {name: find_method(name) for name in names}
     methods = {}
-    for name, method in {**RECORD_METHODS, **named}.items():
+    for name, method in {**JOINT_METHODS, **named}.items():
         offer = method.offer
         if offer is None:
             continue

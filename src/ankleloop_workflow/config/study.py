@@ -276,12 +276,11 @@ class RecordedStudy(Study):
 
     def existing_paths(self, chunk: int) -> list[str]:
         """Files of a chunk that exist: a missing one is refused by its job, and stops no other recording."""
-        return [
-            path
-            for mapping in self.chunks[chunk].values()
-            for path in mapping["paths"]
-            if os.path.exists(path)
-        ]
+        mappings = self.chunks[chunk].values()
+        paths = [path for mapping in mappings for path in mapping["paths"]]
+        given = [part["apparatus"] for mapping in mappings for part in mapping["parts"]]
+        paths += dict.fromkeys(path for path in given if path is not None)
+        return [path for path in paths if os.path.exists(path)]
 
 
 def read_studies(config: Mapping[str, Any]) -> tuple[Config, dict[str, Study]]:

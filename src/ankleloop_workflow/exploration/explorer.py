@@ -15,7 +15,7 @@ from ankleloop.errors import NUMERICAL_ERRORS
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.prepared import prepare
 from ankleloop.methods.moesp import MoespOptions
-from ankleloop.methods.registry import RECORD_METHODS, identify
+from ankleloop.methods.registry import JOINT_METHODS, identify
 from ankleloop.options import Options, union_members
 from ankleloop.plotting.estimates import torque_figure
 from ankleloop.quantities import QUANTITIES, SETTINGS
@@ -72,7 +72,7 @@ def make_controls() -> dict[str, widgets.Widget]:
     }
     for letter, method in START.items():
         methods = widgets.Dropdown(
-            description=f"method {letter}", options=list(RECORD_METHODS), value=method, **LOOK
+            description=f"method {letter}", options=list(JOINT_METHODS), value=method, **LOOK
         )
         controls[f"{letter} method"] = methods
         for name, limits in OPTIONS.items():
@@ -122,7 +122,7 @@ def show_experiment(**values: Any) -> None:
     for letter in START:
         method = values[f"{letter} method"]
         label = f"{letter}: {method}"
-        known = RECORD_METHODS[method].options.model_fields
+        known = JOINT_METHODS[method].options.model_fields
         options = {name: values[f"{letter} {name}"] for name in OPTIONS if name in known}
         try:
             estimate = identify(trial, method, **options)

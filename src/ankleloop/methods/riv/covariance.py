@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.fft import dct
 
+from ankleloop.joint.apparatus import Apparatus
 from ankleloop.joint.regressors import MOTION
 from ankleloop.methods.riv.equations import Point
 from ankleloop.signals.least_squares import solve_scaled
@@ -43,6 +44,20 @@ def robust_covariance(point: Point, free: np.ndarray) -> tuple[np.ndarray, int]:
     # Weights follow the residual whose scatter is computed here.
     factor *= 1.0 + point.equations.smoothing_variance
     return factor * influence @ influence.T, freedom
+
+
+def apparatus_covariance(point: Point, free: np.ndarray, apparatus: Apparatus) -> np.ndarray:
+    """Covariance of the solution that an apparatus makes which is subtracted of the torque.
+
+    Its errors are those of known torques, and move the solution as such torques would.
+
+    Shapes: returns (free, free).
+    """
+    equations = point.equations
+    columns = equations.band.transform(equations.apparatus_inputs)
+    products = np.real(point.weighted[free] @ columns.T)
+    influence = solve_scaled(point.normal[np.ix_(free, free)], products)
+    return influence @ apparatus.scatter @ influence.T
 
 
 def time_scores(point: Point) -> np.ndarray:

@@ -124,7 +124,8 @@ EFFECTS: dict[str, Effect] = {
     ),
     "friction": Effect(
         lambda size: f"a friction of {size:.2g} N·m",
-        "measure the friction of the bearing, and subtract it",
+        "record the device without a subject, identify it (ankleloop identify EMPTY --method apparatus), and subtract "
+        "it (--apparatus FILE)",
         lambda channels: channels.transform(np.sign(channels.velocity)),
         one_sided=True,
     ),

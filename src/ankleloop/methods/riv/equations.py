@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 
 import numpy as np
 from scipy import special
@@ -223,6 +224,8 @@ class Point:
         residual = self.residual / np.sqrt(self.noise)
         squares = []
         for spectrum in (predicted[0], drive):
+            if not spectrum.any():  # of an apparatus without friction
+                continue
             power = band.smooth(np.abs(spectrum) ** 2, MOVEMENT_RESOLUTION)
             products = band.correlate(residual * spectrum.conj() / np.sqrt(power), reach)
             squares.append(np.sum(products**2) / (0.5 * residual.size * band.correlation))
@@ -273,12 +276,18 @@ class Equations:
     """
 
     def __init__(
-        self, trials: Sequence[PreparedTrial], records: Sequence[Regressors], weighting: str
+        self,
+        trials: Sequence[PreparedTrial],
+        records: Sequence[Regressors],
+        weighting: str,
+        highest: float = inf,  # frequency of the band [Hz], within the pass band
     ) -> None:
         self.records = records
+        self.apparatus = trials[0].apparatus  # the same of all trials
         self.weighting = weighting  # "noise" or "flat"
         self.delay = records[0].delay  # of the inputs [s]
-        self.band = pass_bands([record.torque.size for record in records], records[0].rate)
+        sizes = [record.torque.size for record in records]
+        self.band = pass_bands(sizes, records[0].rate, highest)
         # From this pole on none can be told from a delay [rad/s].
         self.pole_limit = FASTEST_POLE * self.band.highest
         # Variance of the smoothed spectrum over its square; zero for flat weights.
@@ -291,6 +300,10 @@ class Equations:
         self.measured = self.band.transform(self.inputs)
         self.predicted_inputs = _join([part.T for part in predict_inputs(trials, records)])
         self.predicted = self.band.transform(self.predicted_inputs)
+        if self.apparatus is not None:
+            pairs = zip(trials, records, strict=True)
+            # Shape (4, samples).
+            self.apparatus_inputs = _join([t.apparatus_inputs(r.grid).T for t, r in pairs])
         self.open_loop = records[0].reference_name == "position"
         references = [record.reference for record in records if record.reference is not None]
         self.reference = self.band.transform(_join(references))

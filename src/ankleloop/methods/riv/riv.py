@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
-from typing import Literal
+from typing import Any, Literal
 
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
@@ -37,7 +37,7 @@ from ankleloop.methods.riv.constancy import (
     measure_constancy,
     measure_lags,
 )
-from ankleloop.methods.riv.covariance import robust_covariance
+from ankleloop.methods.riv.covariance import apparatus_covariance, robust_covariance
 from ankleloop.methods.riv.equations import (
     ABSENT_REFLEX,
     INCOMPLETE,
@@ -241,8 +241,9 @@ def _estimate(
     kind = None
     uncertainty = Uncertainty()
     changes: dict[str, list[str]] = {}
+    apparatus: dict[str, Any] = {}
     if constancy is not None:
-        kind, uncertainty = _quantify(solution, values, options.intervals, constancy)
+        kind, uncertainty, apparatus = _quantify(solution, values, options.intervals, constancy)
         find_lags = partial(measure_lags, solution)
         shown = {name: value for name, value in solution.shown_values.items() if name in values}
         changes = describe_changes(constancy, shown, find_lags)
@@ -271,6 +272,7 @@ def _estimate(
             "intervals": kind,
             "movement_p": point.movement_p,
             **uncertainty.diagnostics,
+            **apparatus,
             "noise_frequency": band.frequency,
             "noise_spectrum": noise / band.density,
             "nonlinearity": path.curve(),
@@ -286,8 +288,11 @@ def _estimate(
 
 def _quantify(
     solution: Search, values: Mapping[str, float], kind: str | None, constancy: Constancy
-) -> tuple[str, Uncertainty]:
-    """Kind of the intervals, by default the one that the record asks for; and how uncertain parameters are."""
+) -> tuple[str, Uncertainty, dict[str, Any]]:
+    """Kind of the intervals, by default the one that the record asks for; and how uncertain parameters are.
+
+    The covariance of an apparatus that is subtracted comes on top, with an entry of the diagnostics.
+    """
     if kind is None:
         kind = "robust" if solution.point.movement_p < INCOMPLETE else "asymptotic"
         if constancy.differs:
@@ -299,7 +304,13 @@ def _quantify(
         freedom = constancy.shares.size - 1
     elif kind == "robust":
         covariance, freedom = robust_covariance(solution.point, solution.free)
-    return kind, Uncertainty.of(values, solution.rows, covariance, freedom)
+    apparatus: dict[str, Any] = {}
+    carried = solution.equations.apparatus
+    if carried is not None:
+        shared = apparatus_covariance(solution.point, solution.free, carried)
+        covariance = covariance + shared
+        apparatus = carried.diagnostics(Uncertainty.of(values, solution.rows, shared))
+    return kind, Uncertainty.of(values, solution.rows, covariance, freedom), apparatus
 
 
 def _warnings(solution: Search) -> list[str]:
@@ -322,6 +333,7 @@ METHODS = (
         RivOptions,
         identify_riv,
         merges=True,
+        subtracts=True,
         least=LEAST_BESIDE_FILTERS,
         judges_reference=True,
         validity=Validity(closed={}, without_reference=POSITION),

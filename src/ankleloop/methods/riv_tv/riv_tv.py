@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -173,6 +174,7 @@ def _estimate(
     values = {**means, **reflex}
     kind = None
     uncertainty = Uncertainty()
+    apparatus: dict[str, Any] = {}
     if constancy is not None:
         kind = options.intervals or ("between trials" if constancy.differs else "robust")
         covariance = solution.covariance
@@ -180,7 +182,12 @@ def _estimate(
         if kind == "between trials":
             covariance = constancy.covariance
             freedom = len(trials) - 1
-        uncertainty = Uncertainty.of(values, solution.parameter_rows, covariance, freedom)
+        shared = solution.apparatus_covariance
+        rows = solution.parameter_rows
+        uncertainty = Uncertainty.of(values, rows, covariance + shared, freedom)
+        carried = trials[0].apparatus
+        if carried is not None:
+            apparatus = carried.diagnostics(Uncertainty.of(values, rows, shared))
     schedule = {}
     if options.schedule:
         unit = str(trials[0].trial[options.schedule].attrs.get("units", ""))
@@ -197,6 +204,7 @@ def _estimate(
             "cycles" if course.periodic else "segments": course.segments,
             "intervals": kind,
             **uncertainty.diagnostics,
+            **apparatus,
             "variation_p": solution.variation_p,
             "excitation": excitations,
             "torque_lag": solution.parameters.lag,
@@ -290,6 +298,7 @@ METHODS = (
         RivTvOptions,
         identify_riv_tv,
         merges=True,
+        subtracts=True,
         validity=Validity(closed={}, without_reference=POSITION),
         offer=Offer(
             "Joint that changes (riv-tv)",

@@ -72,6 +72,23 @@ class TimeVaryingSolution:
         estimated_weights = 1.0 + 2.0 * self.equations.noise.weight_variance
         return few_cycles * estimated_weights * self.inverse @ scatter @ self.inverse.T
 
+    @cached_property
+    def apparatus_covariance(self) -> np.ndarray:
+        """Covariance that an apparatus makes which is subtracted (`ankleloop.methods.riv.covariance`); else zero.
+
+        Shapes: returns (unknowns, unknowns).
+        """
+        equations = self.equations
+        apparatus = equations.trials[0].apparatus
+        if apparatus is None:
+            return np.zeros_like(self.inverse)
+        pairs = zip(equations.trials, equations.grids, strict=True)
+        inputs = np.concatenate([trial.apparatus_inputs(grid) for trial, grid in pairs])
+        whitener = equations.noise_whitener(self.parameters)
+        columns = whitener(equations.spectra(inputs.T))
+        influence = self.inverse @ (self.system.instruments @ columns.T)
+        return influence @ apparatus.scatter @ influence.T
+
     @property
     def delay(self) -> float:
         """Delay of the reflex [s]."""
@@ -146,6 +163,7 @@ class TimeVaryingSolution:
         bases = self.equations.bases
         information = np.diag(self.system.information)
         quantile = special.stdtrit(self.equations.course.segments - 1, 0.975)
+        covariance = self.covariance + self.apparatus_covariance
         curves = {}
         excitations = {}
         for name in bases.trajectories:
@@ -158,7 +176,7 @@ class TimeVaryingSolution:
             excitation = weights @ (density / mean)
             curve = weights @ self.parameters.linear[block]
             curve[excitation < IDENTIFIED] = np.nan
-            variances = np.sum(weights @ self.covariance[block, block] * weights, axis=1)
+            variances = np.sum(weights @ covariance[block, block] * weights, axis=1)
             margin = quantile * np.sqrt(variances) if self.converged else np.nan
             curves[name] = curve
             curves[f"{name}_low"] = curve - margin

@@ -681,3 +681,45 @@ def test_windows_that_cannot_be_identified(run, walk, tmp_path, words, message):
     result = run("identify", walk[0], *words.split(), "--output", tmp_path / "results")
     assert result.status != 0
     assert message in result.out + result.err
+
+
+# --- an apparatus
+
+
+def test_an_apparatus_goes_through_all_verbs(run, trial, tmp_path, monkeypatch):
+    """The empty device is identified by its method, and its file is an option of all verbs."""
+    plate = {"stiffness": 0.0, "viscosity": 0.1, "inertia": 0.005, "reflex_gain": 0.0}
+    write_recording(
+        simulate(seed=3, duration=20.0, voluntary=0.0, **plate), tmp_path / "empty.h5", "hdf5"
+    )
+    write_recording(trial, tmp_path / "S1.h5", "hdf5")
+    monkeypatch.chdir(tmp_path)
+    result = run("identify", "empty.h5", "--method", "apparatus")
+    assert result.status == 0
+    saved = "empty.h5-results/empty/apparatus.nc"
+    estimate = load_estimate(saved)
+    assert estimate["I"] == pytest.approx(0.005, rel=0.05)
+    given = ("--apparatus", saved)
+
+    result = run("check", "S1.h5", *given)
+    assert "riv, riv-tv; not pr-moesp" in result.out
+    assert f"--apparatus {saved}" in result.err
+    result = run("identify", "S1.h5", *given)
+    assert result.status == 0
+    limb = load_estimate("S1.h5-results/S1/riv.nc")
+    assert limb["I"] == pytest.approx(identify(trial)["I"] - estimate["I"], rel=0.02)
+    words = "less the apparatus of empty.h5: I 0.00"
+    assert words in limb.apparatus
+    assert words in (tmp_path / "S1.h5-results/S1.html").read_text()
+    table = pd.read_csv("S1.h5-results/S1-parameters.csv").set_index("method")
+    assert table.loc["riv", "apparatus"] == limb.diagnostics["apparatus"]["fingerprint"]
+    assert not table.loc["pr-moesp", "valid"]
+    result = run("plan", "S1.h5", "--width", "K=20%", *given)
+    assert words in result.out
+    result = run("study", "mine.yaml", "S1.h5", *given)
+    assert result.status == 0
+    config = yaml.safe_load((tmp_path / "mine.yaml").read_text(encoding="utf-8"))
+    study = read_run(config, [])[1]["mine"]
+    assert study.existing_paths(0) == [str(tmp_path / "S1.h5"), str(tmp_path / saved)]
+    result = run("check", "S1.h5", "--apparatus", "nowhere.nc")
+    assert "nowhere.nc: there is no such file" in result.out

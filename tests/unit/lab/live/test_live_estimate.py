@@ -200,3 +200,13 @@ def test_windows_that_are_not_full_are_never_enough(trial):
     assert len(rows) < len(live.history) / 4
     shares = (rows["K_high"] - rows["K_low"]) / 2.0 / rows["K"]
     assert live.enough({"K": 1.01 * shares.max()})
+
+
+def test_windows_are_less_the_apparatus(trial):
+    plate = {"stiffness": 0.0, "viscosity": 0.1, "inertia": 0.005, "reflex_gain": 0.0}
+    empty = simulate(seed=3, duration=20.0, voluntary=0.0, **plate)
+    apparatus = identify(empty, "apparatus")
+    with LiveEstimate(1000.0, every=5.0, beside=False, apparatus=apparatus) as live:
+        live.add(trial.position, trial.torque, trial.reference)
+    assert live.estimate.apparatus.startswith("less the apparatus: I 0.00")
+    assert not live.history["failure"].iloc[-1]

@@ -6,7 +6,7 @@ from scipy import signal as sps
 
 from ankleloop import DataError, identify, segment, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 from ankleloop.trials.trial import remove_drift
 from ankleloop_lab.recordings.checks import check_trial
 
@@ -129,8 +129,8 @@ def test_merged_trials_have_the_worst_finding_and_its_trial():
     trials = [segment(whole, start, start + 10.0) for start in (0.0, 10.0, 20.0)]
     check = check_trial(trials)
     assert check.loop == "open"
-    single = {name for name, method in RECORD_METHODS.items() if not method.merges}
-    assert {*RECORD_METHODS} - {*check.methods} == single
+    single = {name for name, method in JOINT_METHODS.items() if not method.merges}
+    assert {*JOINT_METHODS} - {*check.methods} == single
     assert find(check, "length").text.startswith(
         "3 trials of 10 s or more, 30 s at 1000 Hz, without gaps"
     )

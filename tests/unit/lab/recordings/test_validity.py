@@ -3,7 +3,7 @@
 import pytest
 from method_options import list_one_pass
 
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 from ankleloop_lab.recordings.validity import describe_validity, reason_against, valid_methods
 
 CORRELATED, UNCORRELATED = 30.0, 2.0
@@ -16,12 +16,12 @@ STATES = [("closed", True), ("open", True), ("undecided", True), ("undecided", F
 def test_check_and_analysis_agree(loop, reference, path_bias, merged):
     """What the check lists, with its options, is what the analysis does not refuse."""
     methods = valid_methods(loop, reference, path_bias, merged=merged)
-    for name in RECORD_METHODS:
+    for name in JOINT_METHODS:
         reason = reason_against(
             name, methods.get(name, {}), loop, reference, path_bias, merged=merged
         )
         assert (reason is None) == (name in methods), name
-        assert RECORD_METHODS[name].merges or not merged or name not in methods
+        assert JOINT_METHODS[name].merges or not merged or name not in methods
     text = describe_validity(methods, loop, reference, path_bias, merged=merged)
     assert "  " not in text
     assert text.endswith(".")
@@ -29,9 +29,9 @@ def test_check_and_analysis_agree(loop, reference, path_bias, merged):
 
 def test_open_loop_has_every_method_if_the_perturbation_decorrelates():
     methods = valid_methods("open", True, UNCORRELATED)
-    assert set(methods) == set(RECORD_METHODS)
+    assert set(methods) == set(JOINT_METHODS)
     assert describe_validity(methods, "open", True, UNCORRELATED) == f"{', '.join(methods)}."
-    assert set(RECORD_METHODS) - set(valid_methods("open", True, CORRELATED)) == list_one_pass()
+    assert set(JOINT_METHODS) - set(valid_methods("open", True, CORRELATED)) == list_one_pass()
     assert "one after the other" in reason_against(
         "parallel-cascade", {"max_passes": 1}, "open", True, CORRELATED
     )

@@ -8,7 +8,7 @@ from value_comparison import assert_same_estimate, assert_same_values
 from ankleloop import DataError, identify, simulate
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import TORQUES, torque_dataset
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 from ankleloop_workflow.tables.estimate_tables import load_estimates, write_estimates
 
 
@@ -40,7 +40,7 @@ def load(path):
     return list(load_estimates([path], "only", "x").values())
 
 
-@pytest.mark.parametrize("method", RECORD_METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_loaded_estimates_predict(tmp_path, method):
     trials = [simulate(seed=seed, duration=15.0) for seed in (1, 2)]
     estimates = [identify(trial, method) for trial in trials]

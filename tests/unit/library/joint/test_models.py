@@ -7,7 +7,7 @@ from method_options import basis_options
 from ankleloop import DataError, evaluate, identify, simulate, vaf
 from ankleloop.joint.models import simulate_torques
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 
 NOISE_FREE = {"snr_db": None, "voluntary": 0.0}
 
@@ -30,7 +30,7 @@ def identify_model(trial, method, **options):
     return estimate
 
 
-@pytest.mark.parametrize("method", RECORD_METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_the_recording_rate_is_that_of_the_trial(trial, method):
     """A trial of half the rate has the same torques as far as its velocity has the same band."""
     (options,) = basis_options(method, "rectifier")
@@ -49,7 +49,7 @@ def test_the_recording_rate_is_that_of_the_trial(trial, method):
     assert estimate.predictor.inputs.recording_rate == 1000.0
 
 
-@pytest.mark.parametrize("method", RECORD_METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_scale_and_knots_are_those_of_the_fit(trial, other, method):
     """Half the movement is half the intrinsic torque; a basis that was fitted anew would not give half the reflex."""
     smaller = other.assign(position=0.5 * other["position"])

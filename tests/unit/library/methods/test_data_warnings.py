@@ -5,7 +5,7 @@ import pytest
 
 from ankleloop import DataError, identify, new_trial, simulate
 from ankleloop.methods.method import Method
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 
 
 def change(trial, **channels):
@@ -39,7 +39,7 @@ def trial():
     return simulate(seed=3, duration=20.0)
 
 
-@pytest.mark.parametrize("method", RECORD_METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_every_method_has_the_warnings_of_its_data(trial, method):
     estimate = identify(trial.assign(torque=-trial["torque"]), method)
     assert any("the torque has the other sign" in text for text in estimate.diagnostics["warnings"])
@@ -51,17 +51,17 @@ def test_every_method_has_the_warnings_of_its_data(trial, method):
 
 
 @pytest.mark.parametrize("words", REFERENCE_FAULTS)
-@pytest.mark.parametrize("method", RECORD_METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_a_reference_that_says_nothing_is_refused_by_methods_that_use_it(trial, method, words):
     changed = REFERENCE_FAULTS[words](trial)
-    options = RECORD_METHODS[method].options()
-    if RECORD_METHODS[method].reference(options) == "reference":
+    options = JOINT_METHODS[method].options()
+    if JOINT_METHODS[method].reference(options) == "reference":
         with pytest.raises(DataError, match=words):
             identify(changed, method)
         assert identify(changed, method, reference="position").stiffness["K"] > 0
     else:
         assert identify(changed, method).torque.identical(identify(trial, method).torque)
-        if "input_matrices" in RECORD_METHODS[method].options.model_fields:
+        if "input_matrices" in JOINT_METHODS[method].options.model_fields:
             with pytest.raises(DataError, match=words):
                 identify(changed, method, input_matrices="instruments")
 
@@ -72,7 +72,7 @@ def test_a_copy_of_the_position_is_no_reference_of_a_closed_loop(trial):
     assert "reference is a copy of the position" in warning
 
 
-@pytest.mark.parametrize("method", RECORD_METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_noise_never_gives_an_estimate_without_a_warning(method):
     signals = np.random.default_rng(1).standard_normal((3, 15_000)) * [[0.002], [1.0], [0.02]]
     try:
@@ -96,7 +96,7 @@ def test_a_velocity_that_is_never_positive_has_no_reflex():
     ("value", "words"), [(np.nan, "I could not be computed"), (-1.0, "I = -1 kg·m² is negative")]
 )
 def test_a_parameter_that_no_joint_has_is_a_warning(trial, value, words):
-    method = RECORD_METHODS["parallel-cascade"]
+    method = JOINT_METHODS["parallel-cascade"]
 
     def identify_wrongly(prepared, options):
         estimate = method.identify(prepared, options)

@@ -6,12 +6,12 @@ from method_options import basis_options
 
 from ankleloop import identify, simulate
 from ankleloop.joint.prepared import prepare
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 
 VARIANTS = [
     *(
         (method, options)
-        for method in RECORD_METHODS
+        for method in JOINT_METHODS
         for options in basis_options(method, "chebyshev", "spline", "rectifier")
     ),
     ("pr-moesp", {"basis": "rectifier", "input_matrices": "instruments"}),

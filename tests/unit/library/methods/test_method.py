@@ -10,7 +10,7 @@ from ankleloop import METHODS, DataError, block_bootstrap, identify, new_trial, 
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.regressors import torque_dataset
 from ankleloop.methods.method import KnownDelayOptions, Method
-from ankleloop.methods.registry import find_method, method_options
+from ankleloop.methods.registry import JOINT_METHODS, find_method, method_options
 from ankleloop.methods.selection import select_options
 from ankleloop_lab.recordings.analysis import analyse
 from ankleloop_lab.recordings.recommendation import recommend
@@ -105,7 +105,7 @@ def test_a_method_of_unknown_validity_is_analysed_in_open_loop_only(open_loop):
 @pytest.mark.parametrize("reference", [True, False])
 def test_usual_methods_are_those_that_are_offered_with_options_that_they_have(reference):
     methods = usual_methods(reference=reference, changing=True)
-    assert list(methods) == [name for name, method in METHODS.items() if method.offer]
+    assert list(methods) == [name for name, method in JOINT_METHODS.items() if method.offer]
     for name, method in methods.items():
         METHODS[name].options.parse(name, **method["options"])
         assert not method["options"].keys() & method["select"].keys()

@@ -6,13 +6,13 @@ import pytest
 from method_options import list_one_pass
 
 from ankleloop import evaluate, identify
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 
 WITH_MODEL = ("riv", "pr-moesp", "eiv-moesp", "pi-moesp", "po-moesp", "moesp")
 WITHOUT_REFERENCE = ("eiv-moesp", "pi-moesp", "po-moesp", "moesp", "parallel-cascade")
 
 
-@pytest.mark.parametrize("method", RECORD_METHODS)
+@pytest.mark.parametrize("method", JOINT_METHODS)
 def test_every_method_returns_a_valid_estimate(noisy, method):
     before = noisy.copy(deep=True)
     estimate = identify(noisy, method)

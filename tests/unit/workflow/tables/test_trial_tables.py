@@ -8,7 +8,7 @@ from pyarrow import parquet
 from study_jobs import run_jobs
 
 from ankleloop import DataError
-from ankleloop.methods.registry import RECORD_METHODS
+from ankleloop.methods.registry import JOINT_METHODS
 from ankleloop_workflow.config.study import read_studies
 from ankleloop_workflow.jobs.results import report_versions
 from ankleloop_workflow.tables import trial_tables
@@ -38,7 +38,7 @@ def read_study(**changes):
         "keep": "scores",
     }
     study |= {"simulation": {"duration": 15.0}, "points": POINTS}
-    study |= {"methods": {name: {"method": name} for name in RECORD_METHODS}, **changes}
+    study |= {"methods": {name: {"method": name} for name in JOINT_METHODS}, **changes}
     return read_studies({"studies": {"small": study}})[1]["small"]
 
 
