@@ -178,16 +178,23 @@ def measure_machine(folder):
     score = first.predict(halves[1]).vaf_net
     rest = ankleloop.subtract(halves[1], first)
     records = {"as recorded": trial, "second half, less the apparatus of the first": rest}
-    found = [
-        {"record": name, **{k: f"{estimate.values[k]:.3g}" for k in COUNTED}}
-        for name, estimate in ((name, ankleloop.identify(t)) for name, t in records.items())
-    ]
+    found = [{"record": name, **_describe_joint(t)} for name, t in records.items()]
     return (
         "Mass I [kg], viscosity B [N·s/m], friction [N] and offset [N] of the slide EMPS, with 95 % intervals, beside "
         "the published values, which are least squares of the inverse model in a band of their own.\n\n"
         f"{format_table(rows)}\n\nThe first half predicts {score:.2f} % of the force of the second (VAF). What `riv` "
-        f"finds, which takes it for a joint:\n\n{format_table(found)}"
+        f"finds, which takes it for a joint, and refuses where nothing is left that answers the movement:\n\n{format_table(found)}"
     )
+
+
+def _describe_joint(trial):
+    """Parameters that `riv` gives a record; it refuses one in which nothing answers the movement."""
+    try:
+        estimate = ankleloop.identify(trial)
+    except ankleloop.DataError:
+        return {"K": "refused"}
+    values = estimate.values
+    return {name: f"{values[name]:.3g}" if name in values else "not shown" for name in COUNTED}
 
 
 def compare_records(load, records, device):

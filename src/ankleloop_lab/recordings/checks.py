@@ -261,7 +261,8 @@ def _check_instruments(
     findings = [strength, check_answer(solution)]
     unshown, reason = find_unshown(solution)
     if unshown:
-        text = f"{', '.join(unshown)} are not shown: {reason}."
+        verb = "is" if len(unshown) == 1 else "are"
+        text = f"{', '.join(unshown)} {verb} not shown: {reason}."
         findings.append(Finding("excitation", "warning", text))
     return findings
 
