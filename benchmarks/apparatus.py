@@ -183,7 +183,8 @@ def measure_machine(folder):
         "Mass I [kg], viscosity B [N·s/m], friction [N] and offset [N] of the slide EMPS, with 95 % intervals, beside "
         "the published values, which are least squares of the inverse model in a band of their own.\n\n"
         f"{format_table(rows)}\n\nThe first half predicts {score:.2f} % of the force of the second (VAF). What `riv` "
-        f"finds, which takes it for a joint, and refuses where nothing is left that answers the movement:\n\n{format_table(found)}"
+        "finds, which takes it for a joint, and refuses where nothing is left that answers the movement:\n\n"
+        f"{format_table(found)}"
     )
 
 
