@@ -235,7 +235,7 @@ def _check_instruments(
     findings = [strength, check_answer(solution)]
     unshown, reason = find_unshown(solution)
     if unshown:
-        text = f"{', '.join(unshown)} are not shown: {reason}."
+        text = f"{', '.join(unshown)} cannot be shown: {reason}."
         findings.append(Finding("excitation", "warning", text))
     return findings
 
