@@ -261,8 +261,7 @@ def _check_instruments(
     findings = [strength, check_answer(solution)]
     unshown, reason = find_unshown(solution)
     if unshown:
-        verb = "is" if len(unshown) == 1 else "are"
-        text = f"{', '.join(unshown)} {verb} not shown: {reason}."
+        text = f"{', '.join(unshown)} cannot be shown: {reason}."
         findings.append(Finding("excitation", "warning", text))
     return findings
 

@@ -117,8 +117,8 @@ def _explain_nothing(verdict: str, valid: pd.DataFrame, trusted: pd.DataFrame) -
     reason = "none without a warning could be scored on the half that was not fitted"
     if trusted.empty:
         reason = (
-            f"each that was fitted has a warning ({', '.join(valid['label'])}), so a parameter may be off by more than "
-            f"{100 * TOLERANCE:g} %. The warnings say which, and what to do"
+            f"every method that was fitted has a warning ({', '.join(valid['label'])}), so a parameter may be off by "
+            f"more than {100 * TOLERANCE:g} %. The warnings say which, and what to do"
         )
     return f"No method is recommended: {reason}."
 

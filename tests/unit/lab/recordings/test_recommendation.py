@@ -108,8 +108,8 @@ def test_what_is_not_told_apart_is_named():
         ([INVALID], "Nothing can be concluded from this recording: no method is valid for it."),
         (
             [warned(RIV), warned(PR)],
-            "No method is recommended: each that was fitted has a warning (RIV, PR), so a parameter may be off by more "
-            "than 10 %. The warnings say which, and what to do.",
+            "No method is recommended: every method that was fitted has a warning (RIV, PR), so a parameter may be "
+            "off by more than 10 %. The warnings say which, and what to do.",
         ),
     ],
 )

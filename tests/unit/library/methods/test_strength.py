@@ -87,7 +87,7 @@ def test_what_a_triangle_does_not_show_is_missing(seed):
             assert low < truth < high or abs(estimate[name] / truth - 1.0) < 0.15
     (finding,) = [each for each in check_trial(trial).findings if each.name == "excitation"]
     assert finding.verdict == "warning"
-    assert "are not shown: 99 % of the movement" in finding.text
+    assert "cannot be shown: 99 % of the movement" in finding.text
 
 
 @pytest.mark.parametrize("seed", range(4))
