@@ -19,7 +19,7 @@ CLOCK_BLOCK, SHORTEST_BLOCK, FEWEST_BLOCKS = (
     6,
 )  # samples and blocks that show a clock behind jitter
 SMALLEST_SHIFT = 0.5  # sample: a smaller one leaves all samples where they are
-MANY_SHIFTS = 20
+MANY_SHIFTS = 12
 # About six standard deviations of the difference of two medians: by how all differ, and by independent samples.
 SHIFT_DEVIATIONS = 9.0  # median absolute differences
 MEDIAN_DEVIATIONS = 16.0  # median absolute deviations of a sample over √N

@@ -223,11 +223,13 @@ def write_summary(tables: Sequence[pd.DataFrame], folder: Path) -> Path:
         names = [name for name in PARAMETERS if recommended[name].notna().any()]
         figures["recordings"] = recordings_figure(recommended, names)
         cells = _tabulate(recommended)
-    for name, figure in figures.items():
-        save_figure(figure, folder / f"{name}-figure", overwrite=True)
+    drawn = {}  # the numbers of the others are in the table
+    for name in figures.keys() - {"levels"}:
+        save_figure(figures[name], folder / f"{name}-figure", overwrite=True)
+        drawn[name] = (folder / f"{name}-figure.png").read_bytes()
     recordings = table["recording"].nunique()
     counts = f"{recordings - len(left_out)} of {recordings} recordings have a recommended method."
-    page = render_recordings_page(folder.name, [*answers, counts], cells, left_out, figures)
+    page = render_recordings_page(folder.name, [*answers, counts], cells, left_out, figures, drawn)
     with atomic_file(folder / PAGE, overwrite=True) as path:
         path.write_text(page, encoding="utf-8")
     _show_summary(recommended, cells, left_out)

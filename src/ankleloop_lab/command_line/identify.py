@@ -40,7 +40,7 @@ Results, in the folder of --output:
   NAME/figure-*.csv             the numbers that the figures of the page draw
   index.html                    of several files: their page: the answer, figures, links, what is left out and why
   recordings.csv                all rows in one table
-  recordings-figure.png, levels-figure.png   the recommended methods; K against mean torque and position
+  recordings-figure.png         a figure of the recommended methods
   comparison.csv, comparison-figure.png      of several subjects and conditions: differences within subjects
 
 \b

@@ -137,7 +137,9 @@ def map_file(path: Path, shown: set[str] | None = None, **values: Any) -> Record
 
 def _describe_unit(unit: ChannelUnit, is_assumed: bool) -> str:
     """Unit of a channel, with its factor where that is not 1, and where the unit is from."""
-    remarks = [f"1 {unit.name} = {unit.factor:.6g} {unit.usual}"] if unit.factor != 1.0 else []
+    remarks = []
+    if unit.factor != 1.0 and not unit.name.endswith(f" {unit.usual}"):  # no number as it was given
+        remarks.append(f"1 {unit.name} = {unit.factor:.6g} {unit.usual}")
     if unit.stated:
         remarks.insert(0, "stated by the file")
     elif is_assumed and unit.name == "rad":

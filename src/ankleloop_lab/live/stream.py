@@ -10,6 +10,7 @@ import numpy as np
 from ankleloop.signals.sampling import RATE_TOLERANCE, fit_clock
 from ankleloop_lab.live.record import Record
 
+LONG = 10.0  # s of stamps that jitter in pieces, by which a shift is told from it: those of an estimate
 REST = 2.0  # s: no perturbation stands still for so long
 REST_SHARE = 0.01  # of the range of a reference, within which it stands still
 
@@ -86,7 +87,8 @@ class Stream:
         if 0 < self._count < len(self._ring) and start > 0.0:
             yield f"{self._fault} before {start:.6g} s."
         times = self._follow()[:, 4]
-        clock = fit_clock(times)  # by the rule of files
+        is_long = len(times) >= LONG * self._rate
+        clock = fit_clock(times) if is_long else None  # by the rule of files
         if clock is not None and clock.shift is not None:
             yield f"samples are missing: stamps shift near {times[clock.shift]:.6g} s, and do not return."
         if self._is_repeated:

@@ -105,8 +105,12 @@ def render_recordings_page(
     recommended: pd.DataFrame,
     left_out: Mapping[str, str],
     figures: Mapping[str, DataFigure],
+    drawn: Mapping[str, bytes],
 ) -> str:
-    """Page of several recordings: the answer, figures, links to their pages, and which are left out, and why."""
+    """Page of several recordings: the answer, figures, links to their pages, and which are left out, and why.
+
+    `drawn` are the pictures of those figures that have one already.
+    """
     body = render_template(
         "recordings.html.j2",
         title=title,
@@ -114,16 +118,16 @@ def render_recordings_page(
         recommended=recommended,
         links=[f"{name}.html" for name in recommended.get("recording", ())],
         left_out=left_out,
-        pictures={name: _embed(figure) for name, figure in figures.items()},
+        pictures={name: _embed(figure, drawn.get(name)) for name, figure in figures.items()},
         headings=HEADINGS,
         captions=CAPTIONS,
     )
     return render_page(title, body)
 
 
-def _embed(figure: DataFigure) -> dict[str, Any]:
-    """Attributes of an image that holds a figure."""
-    picture = render_figure(figure, DOTS_PER_INCH)
+def _embed(figure: DataFigure, picture: bytes | None = None) -> dict[str, Any]:
+    """Attributes of an image that holds a figure, which is drawn unless there is its picture."""
+    picture = picture or render_figure(figure, DOTS_PER_INCH)
     return {
         "width": round(PIXELS_PER_INCH * figure.get_figwidth()),
         "src": f"data:image/png;base64,{base64.b64encode(picture).decode()}",

@@ -66,6 +66,8 @@ def test_stated_units(tmp_path, capsys):
     assert (recording.position, recording.position_unit) == ("run/angle", "deg")
     shown = capsys.readouterr().out
     assert "run/angle, in deg (stated by the file; 1 deg = 0.0174533 rad)" in shown
+    map_file(tmp_path / "a.h5", torque="run/moment", torque_unit=1.0)
+    assert "run/moment, in N·m (stated by the file), sign +1" in capsys.readouterr().out
     named = map_file(tmp_path / "a.h5", position="/run/angle", position_unit="rad")
     assert named.position_unit == "rad"  # which reading then refuses
 
