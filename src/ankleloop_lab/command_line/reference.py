@@ -25,7 +25,9 @@ The texts of `ankleloop --help` and of each verb.
 
 def reference_text() -> str:
     """The page: the help of the command and of its verbs."""
-    whole = click.Context(commands, info_name="ankleloop", terminal_width=110)
+    whole = click.Context(
+        commands, info_name="ankleloop", terminal_width=110, **commands.context_settings
+    )
     parts = [HEAD, _block(whole)]
     for verb in VERBS:
         context = click.Context(commands.commands[verb], whole, verb, terminal_width=110)

@@ -585,7 +585,7 @@ def test_demo(run, tmp_path, monkeypatch):
         assert analysis.mapping["position_unit"] == "deg"
         row = {"recording": "demo-csv", "verdict": "ok", "recommendation": "take riv."}
         row |= {"label": "riv", "valid": True, "trusted": True, "recommended": True}
-        row |= {"K": 151.0, "K_low": 148.0, "K_high": 154.0}
+        row |= {"remarks": "", "K": 151.0, "K_low": 148.0, "K_high": 154.0}
         table = pd.DataFrame([row])
         table.attrs["remedy"] = {}
         write_csv(table, folder.parent / "demo-csv-parameters.csv", overwrite=True)
