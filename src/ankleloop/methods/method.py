@@ -242,13 +242,7 @@ class Method:
         if isinstance(chosen, MethodOptions):
             chosen = chosen.at_rate(trials[0].rate)
         data_warnings = self.check(self, trials, chosen)
-        try:
-            estimate = self.identify(trials if self.merges else trials[0], chosen)
-        except DataError as error:
-            if not data_warnings:
-                raise
-            # What was seen in the data may be the cause.
-            raise DataError(f"{' '.join(data_warnings)} {error}", remedy=error.remedy) from None
+        estimate = self.identify(trials if self.merges else trials[0], chosen)
         diagnostics = dict(estimate.diagnostics)
         assumptions = _list_assumptions(chosen, self.reference(chosen))
         diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]

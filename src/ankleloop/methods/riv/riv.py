@@ -8,6 +8,7 @@ from functools import partial
 from math import inf
 from typing import Any, Literal
 
+from ankleloop.checks.reference import find_reference_fault
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import NO_REFLEX
@@ -143,14 +144,21 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
     check_intervals(options.intervals, trials)
     solution, assumptions = find_solution(trials, options)
     if not solution.equations.open_loop:
-        for finding in (check_strength(solution), check_answer(solution)):
-            if finding.verdict == "refused":
-                raise DataError(finding.text)
+        _check_instruments(solution, trials, options.reference)
     constancy = measure_constancy(solution) if solution.converged else None
     estimate = _estimate(trials, solution, options, assumptions, constancy)
     if not solution.converged:
         return estimate
     return with_alternatives(estimate, find_alternatives(solution), trials[0])
+
+
+def _check_instruments(solution: Search, trials: Sequence[PreparedTrial], reference: str) -> None:
+    """Refuse instruments that say nothing, with what else is wrong with the reference."""
+    for finding in (check_strength(solution), check_answer(solution)):
+        if finding.verdict == "refused":
+            faults = [find_reference_fault(trial, reference) for trial in trials]
+            texts = dict.fromkeys(fault.text for fault in faults if fault)
+            raise DataError(" ".join([*texts, finding.text]))
 
 
 def find_solution(trials: Sequence[PreparedTrial], options: RivOptions) -> tuple[Search, list[str]]:
