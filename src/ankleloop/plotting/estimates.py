@@ -119,7 +119,9 @@ def conditions_figure(estimate: Estimate, *, figure: Any = None) -> DataFigure:
     for name, torque, position in pairs:
         time = torque["time"].values
         place = f"{name} position"
-        panels[place] = Panel("position [rad]", name, xlabel="time from the onset [s]")
+        panels[place] = Panel(
+            "position [rad]", f"condition {name}", xlabel="time from the onset [s]"
+        )
         parts.append(curve(place, MEASURED_TORQUE, time, position))
     for name, torque, _ in pairs:
         time = torque["time"].values
