@@ -178,13 +178,13 @@ def measure_machine(folder):
     score = first.predict(halves[1]).vaf_net
     rest = ankleloop.subtract(halves[1], first)
     records = {"as recorded": trial, "second half, less the apparatus of the first": rest}
-    found = [{"record": name, **_describe_joint(t)} for name, t in records.items()]
+    joints = [{"record": name, **_describe_joint(t)} for name, t in records.items()]
     return (
         "Mass I [kg], viscosity B [N·s/m], friction [N] and offset [N] of the slide EMPS, with 95 % intervals, beside "
         "the published values, which are least squares of the inverse model in a band of their own.\n\n"
         f"{format_table(rows)}\n\nThe first half predicts {score:.2f} % of the force of the second (VAF). What `riv` "
         "finds, which takes it for a joint, and refuses where nothing is left that answers the movement:\n\n"
-        f"{format_table(found)}"
+        f"{format_table(joints)}"
     )
 
 

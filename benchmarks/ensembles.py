@@ -128,11 +128,11 @@ def measure_rows(rows, count, seed=1000, **options):
     parts = []
     for kind, settings in rows.items():
         window = window_of(settings)
-        found = [
+        ensembles = [
             measure_one(settings, seed + number, window=window, **options)
             for number in range(count)
         ]
-        parts.append(pd.DataFrame(found).assign(kind=kind))
+        parts.append(pd.DataFrame(ensembles).assign(kind=kind))
         print(kind, summarise(parts[-1]), flush=True)
     return pd.concat(parts, ignore_index=True)
 
@@ -191,11 +191,11 @@ def measure_widths(count, seed=3000):
             settings = Ensemble(load=values, voluntary=1.5, trials=trials)
             if "0" in trials:
                 settings = replace(settings, command="sequences", after=0.65)
-            found = [
+            ensembles = [
                 measure_one(settings, seed + number, window=window_of(settings))
                 for number in range(count)
             ]
-            table = pd.DataFrame(found).reindex(columns=["K width", "G width", "converged"])
+            table = pd.DataFrame(ensembles).reindex(columns=["K width", "G width", "converged"])
             widths = [100.0 * table[f"{key} width"].median() / TRUTH[key] for key in ("K", "G")]
             row[f"{load}: K / G [%]"] = " / ".join(f"{width:.1f}" for width in widths)
             row[f"{load}: converged"] = f"{int(table['converged'].sum())} of {count}"
@@ -222,8 +222,8 @@ def measure_records(count, seed=5000):
                 low, high = estimate.intervals.get("K", (np.nan, np.nan))
                 values = {key: 100.0 * (estimate[key] / TRUTH[key] - 1.0) for key in NAMES}
                 parts[method].append({**values, "covered": low <= TRUTH["K"] <= high})
-        for method, found in parts.items():
-            table = pd.DataFrame(found)
+        for method, estimates in parts.items():
+            table = pd.DataFrame(estimates)
             row = {"record": name, "method": f"`{method}`"}
             for key in NAMES:
                 row[key] = f"{table[key].mean():+.1f} ± {table[key].std():.1f}"

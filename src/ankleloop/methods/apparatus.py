@@ -18,7 +18,14 @@ from ankleloop.joint.intervals import Uncertainty
 from ankleloop.joint.models import ApparatusModel, ModelInputs
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION, Regressors, merge_torques
-from ankleloop.methods.method import POSITION, Method, MethodOptions, Offer, Validity
+from ankleloop.methods.method import (
+    POSITION,
+    Method,
+    MethodOptions,
+    Offer,
+    Validity,
+    reference_option,
+)
 from ankleloop.methods.riv.alternatives import normal_score
 from ankleloop.methods.riv.covariance import robust_covariance
 from ankleloop.methods.riv.equations import (
@@ -48,10 +55,7 @@ REFLEX_DELAYS = (0.03, 0.05, 0.08)  # s
 class ApparatusOptions(MethodOptions):
     """Options of the method for a device without a subject."""
 
-    reference: str = option(
-        "reference",
-        'variable that the load cannot reach: the command of the servo, or "position" in open loop',
-    )
+    reference: str = reference_option()
     highest_frequency: float | None = option(
         None,
         "upper edge of the band of the fit; null for that of riv, 0.38 times the rate of the identification",

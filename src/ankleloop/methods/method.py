@@ -79,15 +79,20 @@ class RectifierOptions(MethodOptions):
     )
 
 
+def reference_option() -> Any:
+    """The option of methods whose instruments are made of a reference."""
+    return option(
+        "reference",
+        'variable that the load cannot reach: the command of the servo, or "position" in open loop',
+    )
+
+
 class RefinedOptions(MethodOptions):
     """Options of refined instrumental variables, of joints that change or do not."""
 
     order: Literal[2, 3] = option(2, "poles of the reflex dynamics (Eq. 2)")
     delay: float | None = option(None, "reflex delay; null estimates it", unit="s", ge=0, le=1)
-    reference: str = option(
-        "reference",
-        'variable that the load cannot reach: the command of the servo, or "position" in open loop',
-    )
+    reference: str = reference_option()
     weighting: Literal["noise", "flat"] = option(
         "noise",
         "weights of frequencies: inverse of the noise, best where the model holds; or flat, if it simplifies",

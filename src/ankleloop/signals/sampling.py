@@ -13,11 +13,10 @@ from ankleloop.options import describe_limits, show_value
 LOWEST_RATE, HIGHEST_RATE = 0.001, 1e9  # Hz
 RATE_TOLERANCE = 1e-3  # two statements of one sampling rate may differ by this fraction
 FEW_STEPS = 1000  # about as many show the usual one
-CLOCK_BLOCK, SHORTEST_BLOCK, FEWEST_BLOCKS = (
-    100,
-    10,
-    6,
-)  # samples and blocks that show a clock behind jitter
+# A clock behind jitter is seen in blocks of so many samples, in so many of them at least.
+CLOCK_BLOCK = 100
+SHORTEST_BLOCK = 10
+FEWEST_BLOCKS = 6
 SMALLEST_SHIFT = 0.5  # sample: a smaller one leaves all samples where they are
 MANY_SHIFTS = 12
 # About six standard deviations of the difference of two medians: by how all differ, and by independent samples.

@@ -108,8 +108,8 @@ def map_file(path: Path, shown: set[str] | None = None, **values: Any) -> Record
     """
     options = parse_reading(path, **values)
     variables = _find_variables(path, options)
-    found = {role: variable.name for role, variable in variables.items() if role in CHANNELS}
-    mapping = {"reference": NONE} | found | options.channels
+    channels = {role: variable.name for role, variable in variables.items() if role in CHANNELS}
+    mapping = {"reference": NONE} | channels | options.channels
     units: Mapping[str, ChannelUnit] = {}
     with suppress(DataError):  # which its reading shows
         units = options.find_units(variables, source=path.name)

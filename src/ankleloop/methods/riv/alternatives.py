@@ -61,7 +61,7 @@ class Alternative:
         return (self.score if one_sided else abs(self.score)) > SIGNIFICANT
 
     @property
-    def told(self) -> bool:
+    def is_noticeable(self) -> bool:
         """Whether it moves a parameter by so much that it is told."""
         return largest_shift(self.shifts) > SMALLEST_SHIFT
 
@@ -91,7 +91,9 @@ def choose_likeliest(candidates: Iterable[Alternative]) -> list[Alternative]:
     if not shown:
         return []
     first, *others = shown
-    rivals = [each for each in others if _rank(each) > EQUAL_SCORE * _rank(first) and each.told]
+    rivals = [
+        each for each in others if _rank(each) > EQUAL_SCORE * _rank(first) and each.is_noticeable
+    ]
     return [replace(first, rivals=tuple(rivals))]
 
 
@@ -105,7 +107,7 @@ def with_alternatives(
     """
     values = estimate.values
     given = [alternative.of(values) for alternative in alternatives]
-    shown = [alternative for alternative in given if alternative.told]
+    shown = [alternative for alternative in given if alternative.is_noticeable]
     if not shown:
         return estimate
     shifts = add_shifts([alternative.shifts for alternative in shown])
@@ -217,19 +219,19 @@ def find_alternatives(solution: Search) -> list[Alternative]:
     if answers_both:
         candidates.append(_separate_directions(solution))
     candidates += _free_unknowns(solution)
-    found: list[Alternative] = []
+    alternatives: list[Alternative] = []
     last = solution
-    while len(found) < MOST_EFFECTS:
+    while len(alternatives) < MOST_EFFECTS:
         likeliest = choose_likeliest(candidates)
-        found += likeliest
+        alternatives += likeliest
         if not likeliest or likeliest[0].freed is None:
             break
         last = likeliest[0].freed
         effects = [name for name in effects if name != likeliest[0].effect]
         candidates = _free_effects(effects, last)
     if answers_both:  # what a curve of other bases leaves of a ramp would be a mixture
-        return found
-    return [*found, *_combine_effects(effects, last)]
+        return alternatives
+    return [*alternatives, *_combine_effects(effects, last)]
 
 
 def _free_effects(names: Sequence[str], solution: Search) -> list[Alternative]:

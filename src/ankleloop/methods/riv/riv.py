@@ -235,9 +235,9 @@ def _estimate(
         missing = [f"{names}: {path.fault}."]
     unshown, reason = find_unshown(solution)
     if unshown:
-        hidden = (
-            unshown if "G" not in unshown else [*unshown, "threshold", *parameters.dynamics.values]
-        )
+        hidden = list(unshown)
+        if "G" in unshown:
+            hidden += ["threshold", *parameters.dynamics.values]
         values = {name: value for name, value in values.items() if name not in hidden}
         missing.append(f"{', '.join(unshown)}: {reason}.")
     incomplete = []
