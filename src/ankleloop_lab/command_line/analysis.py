@@ -108,7 +108,7 @@ def _set_option(methods: dict[str, dict[str, Any]], name: str, value: Any) -> No
 
 def refuse_results(folder: Path, names: Collection[str]) -> None:
     """Refuse to replace results of recordings, unless they say no more than why a recording is refused."""
-    if len(names) > 1 and f"{Path(PAGE).stem}" in {name.lower() for name in names}:
+    if len(names) > 1 and Path(PAGE).stem in {name.lower() for name in names}:
         raise click.UsageError(
             f"{PAGE} is the page of all recordings: rename the file of that name."
         )

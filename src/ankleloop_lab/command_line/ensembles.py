@@ -35,8 +35,8 @@ def identify_ensembles(
     words: Sequence[str],
     *,
     overwrite: bool,
-) -> bool:
-    """Identify the windows of each recording, and write its results; whether all could be identified.
+) -> list[bool]:
+    """Identify the windows of each recording, and write its results; which of them could be identified.
 
     `words` are those of the command, to correct it where a recording is refused.
     """
@@ -62,12 +62,12 @@ def identify_ensembles(
         figure = folder / name / FIGURE
         save_figure(conditions_figure(estimate), figure, overwrite=True)
         warnings = " ".join(estimate.warnings)
-        row = {"trusted": not estimate.fit_warnings, "refused": "", **list_parameters(estimate)}
+        row = {"trusted": estimate.trusted, "refused": "", **list_parameters(estimate)}
         rows.append({**labels, **row, "warnings": warnings})
         echo(f"\n{click.style(name, bold=True)}\n{estimate}")
         echo(f"\nestimate  {folder / name / METHOD}.nc, .mat, .csv\nfigure    {figure}.png")
-    refused = [row for row in rows if row["refused"]]
-    if len(refused) < len(rows):
+    usable = [not row["refused"] for row in rows]
+    if any(usable):
         write_csv(pd.DataFrame(rows), folder / TABLE, overwrite=True)
         echo(f"table     {folder / TABLE}")
-    return not refused
+    return usable

@@ -14,10 +14,8 @@ from ankleloop_lab.command_line.check import find_advice
 from ankleloop_lab.command_line.naming import map_recordings, names_option
 from ankleloop_lab.command_line.reading import FILE, FOLDER, reading_options
 from ankleloop_lab.command_line.terminal import (
-    DATA,
-    DONE,
-    SOME,
     echo,
+    find_status,
     show_correction,
     show_next,
     show_progress,
@@ -106,10 +104,10 @@ def identify(
 
         kinds = values.pop("condition")
         recordings = map_recordings(files, names, values, tolerant=True)
-        done = identify_ensembles(
+        usable = identify_ensembles(
             recordings, folder, onsets, kinds, fields, context.obj, overwrite=overwrite
         )
-        return int(not done)
+        return find_status(usable)
     recordings = map_recordings(files, names, values, tolerant=True)
     status = _identify_records(
         recordings, folder, methods, fields, jobs, context.obj, overwrite=overwrite
@@ -165,10 +163,7 @@ def _identify_records(
         others = {str(file) for file in files if file not in concerned}
         show_correction(dict(items), [word for word in words if word not in others])
     show_next(f"open {page}")
-    usable = [table["valid"].any() for table in tables]
-    if all(usable):
-        return DONE
-    return SOME if any(usable) else DATA
+    return find_status([table["valid"].any() for table in tables])
 
 
 def _suggest_names(files: Iterable[Path]) -> None:

@@ -7,7 +7,7 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -61,6 +61,13 @@ def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__:
     """Show a warning of the library, as `warnings.showwarning` does; those of other kinds concern programmers."""
     if issubclass(category, UserWarning):
         echo(f"{click.style('warning', fg='yellow')}: {message}", err=True)
+
+
+def find_status(usable: Collection[bool]) -> int:
+    """Exit status of a command by which of its files can be used."""
+    if all(usable):
+        return DONE
+    return SOME if any(usable) else DATA
 
 
 def show_next(step: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -113,7 +114,12 @@ def normalise(text: str) -> str:
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """A name without its unit, and its unit: what its last brackets have, or else the longest end that is a unit.
+    """A name without its unit, and its unit: what its last brackets have, or else the longest end that is a unit."""
+    return _split_end(name, _is_unit_of_channel)
+
+
+def _split_end(name: str, is_unit: Callable[[str], bool]) -> tuple[str, str]:
+    """A name without what its last brackets have, or else without its longest end that is a unit; and that.
 
     The numbers of a part, as those of `angle_deg[3]`, do not count.
     """
@@ -123,7 +129,7 @@ def split_unit(name: str) -> tuple[str, str]:
         return whole[: brackets.start()], brackets[1].strip()
     for start in UNIT_START.finditer(whole):
         end = whole[start.end() :]
-        if _is_unit_of_channel(end):
+        if is_unit(end):
             return whole[: start.start()], end
     return whole, ""
 
@@ -242,14 +248,7 @@ def seconds_of(text: str) -> float | None:
 
 def split_time(name: str) -> tuple[str, str]:
     """Name of a time without its unit, and its unit: what brackets have, or the last word."""
-    whole = NUMBERS.sub("", name)
-    brackets = BRACKETS.search(whole)
-    if brackets:
-        return whole[: brackets.start()], brackets[1].strip()
-    for start in UNIT_START.finditer(whole):
-        if seconds_of(whole[start.end() :]) is not None:
-            return whole[: start.start()], whole[start.end() :]
-    return whole, ""
+    return _split_end(name, lambda end: seconds_of(end) is not None)
 
 
 def is_time(text: str) -> bool:

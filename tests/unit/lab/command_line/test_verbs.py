@@ -665,6 +665,17 @@ def test_identify_windows_of_a_recording(run, walk, tmp_path, onsets, condition)
     assert (again.status, "--overwrite" in again.err) == (2, True)
 
 
+def test_windows_of_some_recordings(run, walk, trial, tmp_path):
+    write_recording(trial, tmp_path / "whole.h5", "hdf5")  # which has no onsets
+    words = ("--method", "ensemble", "--onsets", "onsets", "--condition", "kinds")
+    files = (walk[0], tmp_path / "whole.h5")
+    result = run("identify", *files, *words, "--output", tmp_path / "results")
+    assert result.status == 3, result.err
+    table = pd.read_csv(tmp_path / "results" / "recordings.csv").set_index("recording")
+    assert table["K"].notna().to_dict() == {"walk": True, "whole": False}
+    assert "onsets" in table.loc["whole", "refused"]
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
