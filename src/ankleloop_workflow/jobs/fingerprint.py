@@ -70,11 +70,16 @@ def _find_data(files: set[Path]) -> set[Path]:
     """Data files of the library that files name, directly or through other data files."""
     data: set[Path] = set()
     while files:
-        texts = [path.read_text(encoding="utf-8") for path in files]
-        names = {path for path in _list_data(LIBRARY) if any(path.name in text for text in texts)}
-        files = names - data
+        files = {file for path in files for file in _find_named(path, LIBRARY)} - data
         data |= files
     return data
+
+
+@cache
+def _find_named(path: Path, library: Path) -> frozenset[Path]:
+    """Data files of the library that a file names."""
+    text = path.read_text(encoding="utf-8")
+    return frozenset(data for data in _list_data(library) if data.name in text)
 
 
 @cache
