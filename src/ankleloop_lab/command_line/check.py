@@ -143,7 +143,8 @@ def find_advice(
 
     They are tried on the file, with those that are then asked for in turn. With methods the estimates count, too.
     """
-    if not remedy.keys() <= Recording.model_fields.keys() or None in remedy.values():
+    is_tried = remedy.keys() <= Recording.model_fields.keys() and None not in remedy.values()
+    if not remedy or not is_tried:
         return remedy
     before, _ = _rank(path, recording, methods)
     values: dict[str, Any] = {}
