@@ -74,7 +74,7 @@ class CsvContents(Contents):
 
         The delimiter is the one that gives most numbers in a line far down. The numbers begin with the first line that
         has two or more of them, and no text where that line has numbers. The names are in the line above, or in the one
-        before it where the line above has units.
+        before it where the line above has units; of two rows of names in the one that says more channels.
         """
         model = lines[-2 if len(lines) > 2 else -1][1] if lines else ""
         numbers = {sign: _find_numbers(_split(model, sign)) for sign in DELIMITERS}
@@ -99,6 +99,13 @@ class CsvContents(Contents):
             units = self._names
             self._names_line, line = above.pop()
             self._names = self._split_names(line)
+        if above:  # there may be a second row of names
+            number, line = above[-1]
+            names = self._split_names(line)
+            if len(names) == len(self._names) and self._count_channels(
+                names
+            ) > self._count_channels(self._names):
+                self._names_line, self._names = number, names
         if self._delimiter == " " and len(self._names) != len(_split(model, " ")):
             raise DataError(
                 f"{self.path.name}: there are blanks between the numbers, and more or fewer names in line "
@@ -110,6 +117,10 @@ class CsvContents(Contents):
             positions = [channel_of(self, name) == "position" for name in self._names]
             units = [unit if is_position else "" for is_position in positions]
         return units
+
+    def _count_channels(self, names: Sequence[str]) -> int:
+        """How many channels some names say."""
+        return len({channel_of(self, name) for name in names} - {None})
 
     def _split_names(self, line: str) -> list[str]:
         """Names in a line, which may begin with the sign of a comment."""

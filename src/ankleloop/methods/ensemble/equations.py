@@ -149,7 +149,8 @@ def whiten(residual: np.ndarray, groups: np.ndarray) -> np.ndarray:
 
     Its covariance is that within the conditions, on which a wrong model has little influence. The fewer trials there
     are, the more it is shrunk to one that has the directions of stationary noise, those of its Toeplitz part, which
-    need not be positive itself, with the variances along them.
+    need not be positive itself, with the variances along them. The matrix is symmetric, so that means over trials of
+    several folds are means of the same thing.
 
     Shapes: residual (trials, T), groups (trials,); returns (T, T).
     """
@@ -164,4 +165,5 @@ def whiten(residual: np.ndarray, groups: np.ndarray) -> np.ndarray:
     share = samples / (samples + trials)
     shrunk = (1.0 - share) * covariance + share * (directions * variances) @ directions.T
     values, vectors = np.linalg.eigh(shrunk)
-    return vectors / np.sqrt(np.maximum(values, POWER_FLOOR * values[-1]))
+    scales = np.sqrt(np.maximum(values, POWER_FLOOR * values[-1]))
+    return (vectors / scales) @ vectors.T

@@ -31,6 +31,19 @@ def test_a_preamble_between_quotes_loses_no_sample(tmp_path):
     np.testing.assert_array_equal(values["torque"], np.arange(50.0) ** 2)
 
 
+@pytest.mark.parametrize(
+    "below", ["channel 1,channel 2,\n", "deg,Nm,\n", "channel 1,channel 2,\ndeg,Nm,\n"]
+)
+def test_rows_below_the_names(tmp_path, below):
+    values = columns(tmp_path, f"{HEADER}{below}{ROWS}")
+    np.testing.assert_array_equal(values["torque"], np.arange(50.0) ** 2)
+
+
+def test_names_below_the_devices(tmp_path):
+    values = columns(tmp_path, f"Plate,Plate torque,Clock\n{HEADER}{ROWS}")
+    np.testing.assert_array_equal(values["torque"], np.arange(50.0) ** 2)
+
+
 def test_commas_at_the_ends_of_lines(tmp_path):
     for header, row in (("position,torque,", "1,2"), ("position,torque", "1,2,,")):
         assert columns(tmp_path, f"{header}\n{row}\n{row}\n")["torque"].tolist() == [2, 2]
