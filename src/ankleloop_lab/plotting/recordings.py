@@ -285,4 +285,7 @@ def levels_figure(table: pd.DataFrame) -> DataFigure:
             ends = rows.reindex(columns=["K_low", "K_high"]).to_numpy(float).T
             columns = {"low": ends[0], "high": ends[1]}
             parts.append(curve(level, str(name), rows[level], rows["K"], **columns))
-    return finish(draw_panels(pd.concat(parts), panels, columns=2))
+    figure = draw_panels(pd.concat(parts), panels, columns=2)
+    for axis in figure.axes:  # long numbers stand beside one another
+        axis.locator_params("x", nbins=4)
+    return finish(figure)
