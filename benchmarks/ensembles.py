@@ -46,7 +46,9 @@ SIZES = {
     "20/50": {"nominal": 50, "up": 20},
     "40/100": {"nominal": 100, "up": 40},
     "80/100": {"nominal": 100, "up": 80},
+    "160/200": {"nominal": 200, "up": 160},
     "4 sequences × 10, no nominal": SEQUENCES,
+    "2 sequences × 10, no nominal": {"0": 10, "1": 10},
 }
 NAMES = ("K", "B", "I", "G")
 MOMENT = 0.1  # s from the onset, at which K is given
