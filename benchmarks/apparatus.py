@@ -30,6 +30,7 @@ SERVO = (2 * np.pi * 20.0, 0.8)
 REFLEX = (40.0, 1.0)
 WANDER = 0.1  # rad, of the command of a device without a subject
 CREEP = 1e-3  # rad/s, below which friction is viscous
+RECORDERS = (200.0, 400.0)  # Hz, cutoffs of the filters before the recorder
 COUNTED = ("K", "B", "I", "G")
 PUBLISHED = {"I": 95.11, "B": 203.5, "friction": 20.39, "offset": -3.16}
 
@@ -103,6 +104,7 @@ def simulate_device(
     duration: float = 50.0,
     voluntary: float = 0.05,
     snr_db: float = 10.0,
+    recorder: float = RECORDERS[0],
 ) -> xr.Dataset:
     """A trial of a device, with a joint on it or without; noise and voluntary torque are fed back by the load."""
     rng = np.random.default_rng(seed)
@@ -123,14 +125,15 @@ def simulate_device(
         1.0 / FINE,
     )
     silent = _integrate(command, np.zeros(samples), *constants)
-    level = _record(silent[1])[round(SETTLING * RATE) :].std()
+    level = _record(silent[1], recorder)[round(SETTLING * RATE) :].std()
     noise = np.repeat(rng.standard_normal(samples // 100 + 1), 100)[:samples]
     disturbance = level * 10 ** (-snr_db / 20) * noise
     if subject:
         disturbance += level * voluntary * _draw_slow(rng, samples, 2.0)
     position, torque = _integrate(command, disturbance, *constants)
     channels = [
-        _record(channel)[round(SETTLING * RATE) :] for channel in (position, torque, command)
+        _record(channel, recorder)[round(SETTLING * RATE) :]
+        for channel in (position, torque, command)
     ]
     position, torque, reference = channels
     return ankleloop.new_trial(position, torque, RATE, reference)
@@ -143,9 +146,9 @@ def _draw_slow(rng: np.random.Generator, samples: int, cutoff: float) -> np.ndar
     return slow / slow.std()
 
 
-def _record(channel: np.ndarray) -> np.ndarray:
+def _record(channel: np.ndarray, cutoff: float) -> np.ndarray:
     """A channel behind the recorder's filter, at the rate of the record."""
-    filters = signal.bessel(4, 200.0, fs=FINE, norm="phase", output="sos")
+    filters = signal.bessel(4, cutoff, fs=FINE, norm="phase", output="sos")
     return signal.sosfilt(filters, channel)[:: round(FINE / RATE)]
 
 
@@ -228,16 +231,17 @@ def describe(kind, estimate, truth):
     return row
 
 
-def share_apparatus(load, groups, device, trials=12):
+def share_apparatus(load, recorder, groups, device, trials=12):
     """Errors [%] of the mean of trials that share the apparatus of a short record, merged and by `compare`."""
     rows = []
     for group in range(groups):
         seed = 100_000 + 100 * group
-        empty = simulate_device(seed, device, load=load, subject=False, duration=15.0)
+        more = {"load": load, "recorder": recorder}
+        empty = simulate_device(seed, device, subject=False, duration=15.0, **more)
         apparatus = ankleloop.identify(empty, "apparatus")
         limbs = [
             ankleloop.subtract(
-                simulate_device(seed + number, device, load=load, duration=20.0), apparatus
+                simulate_device(seed + number, device, duration=20.0, **more), apparatus
             ).assign_attrs(subject=f"S{number}", condition="rest")
             for number in range(1, trials + 1)
         ]
@@ -292,7 +296,11 @@ def measure_apparatus(records=200, groups=40):
         "[%].\n\n"
         f"{summarise(compared)}"
     )
-    shared = {load: share_apparatus(load, groups, device) for load in LOADS}
+    shared = {
+        f"{load}, recorder of {recorder:g} Hz": share_apparatus(load, recorder, groups, device)
+        for load in LOADS
+        for recorder in RECORDERS
+    }
     sections["Twelve trials that share one apparatus"] = (
         f"{words}, known from one empty record of 15 s, and twelve trials of 20 s; {groups} groups for each load. The "
         "last kind leaves the columns of the apparatus out of the table.\n\n"

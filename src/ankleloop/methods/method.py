@@ -16,6 +16,7 @@ from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate, add_measured
 from ankleloop.joint.prepared import PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import MEASURED, filtered_duration
+from ankleloop.joint.verdicts import TOLERANCE
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import USUAL_RATE, usual_rate
@@ -96,6 +97,13 @@ class RefinedOptions(MethodOptions):
     weighting: Literal["noise", "flat"] = option(
         "noise",
         "weights of frequencies: inverse of the noise, best where the model holds; or flat, if it simplifies",
+    )
+    tolerance: float = option(
+        TOLERANCE,
+        "what the model lacks, or a change within the record, is warned of where it may move a parameter by more than "
+        "this share of it, and remarked else",
+        gt=0,
+        le=1,
     )
 
 

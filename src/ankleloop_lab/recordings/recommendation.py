@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from ankleloop.joint.verdicts import TOLERANCE
 from ankleloop.methods.registry import METHODS
 from ankleloop.quantities import QUANTITIES
 from ankleloop_lab.recordings.analysis import Analysis, compare_unseen
@@ -118,7 +117,7 @@ def _explain_nothing(verdict: str, valid: pd.DataFrame, trusted: pd.DataFrame) -
     if trusted.empty:
         reason = (
             f"every method that was fitted has a warning ({', '.join(valid['label'])}), so a parameter may be off by "
-            f"more than {100 * TOLERANCE:g} %. The warnings say which, and what to do"
+            "more than the tolerance. The warnings say which, and what to do"
         )
     return f"No method is recommended: {reason}."
 

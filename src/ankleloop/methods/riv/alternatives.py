@@ -15,7 +15,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.intervals import extend_intervals
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import MOTION
-from ankleloop.joint.verdicts import exceeds_tolerance, largest_shift
+from ankleloop.joint.verdicts import exceeds, largest_shift
 from ankleloop.methods.riv.effects import EFFECTS, Channels, list_effects
 from ankleloop.methods.riv.equations import INCOMPLETE, Equations, Parameters, Point
 from ankleloop.methods.riv.search import Search, solve
@@ -98,7 +98,10 @@ def choose_likeliest(candidates: Iterable[Alternative]) -> list[Alternative]:
 
 
 def with_alternatives(
-    estimate: Estimate, alternatives: Iterable[Alternative], trial: PreparedTrial
+    estimate: Estimate,
+    alternatives: Iterable[Alternative],
+    trial: PreparedTrial,
+    tolerance: float,
 ) -> Estimate:
     """An estimate with what its model lacks: effects that the record shows one beside the other.
 
@@ -119,7 +122,8 @@ def with_alternatives(
         for each in (alternative, *alternative.rivals)
     ]
     diagnostics["shifts"] = shifts
-    if any(map(exceeds_tolerance, _list_totals(shown))) or shown[0].is_other_delay:
+    is_large = any(exceeds(total, tolerance) for total in _list_totals(shown))
+    if is_large or shown[0].is_other_delay:
         signs = turned_signs(trial)
         kind = "warnings"
         text = _describe_warning(shown, signs)

@@ -10,7 +10,6 @@ import numpy as np
 from scipy import special
 
 from ankleloop.errors import DataError
-from ankleloop.joint.verdicts import TOLERANCE
 from ankleloop.methods.riv.alternatives import (
     CERTAIN,
     SIGNIFICANT,
@@ -169,6 +168,7 @@ def measure_lags(solution: Search) -> Lags:
 def describe_changes(
     constancy: Constancy,
     values: Mapping[str, float],
+    tolerance: float,
     find_lags: Callable[[], Lags] | None = None,
 ) -> dict[str, list[str]]:
     """Warnings about the parts that are so different that the whole says little about them; else a remark of halves."""
@@ -180,7 +180,7 @@ def describe_changes(
     shifts = np.max(relative, axis=0)
     shown = constancy.scores > SIGNIFICANT
     # Of parts that differ beyond doubt, and of others.
-    tolerances = np.where(constancy.scores > CERTAIN, TOLERANCE, 2.0 * TOLERANCE)
+    tolerances = np.where(constancy.scores > CERTAIN, tolerance, 2.0 * tolerance)
     changes = np.flatnonzero(shown & (shifts > tolerances))
     is_small = not changes.size
     if is_small and (constancy.merged or not np.any(shown & (shifts > SMALLEST_SHIFT))):

@@ -149,7 +149,7 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
     estimate = _estimate(trials, solution, options, assumptions, constancy)
     if not solution.converged:
         return estimate
-    return with_alternatives(estimate, find_alternatives(solution), trials[0])
+    return with_alternatives(estimate, find_alternatives(solution), trials[0], options.tolerance)
 
 
 def _check_instruments(solution: Search, trials: Sequence[PreparedTrial], reference: str) -> None:
@@ -254,7 +254,7 @@ def _estimate(
         kind, uncertainty, apparatus = _quantify(solution, values, options.intervals, constancy)
         find_lags = partial(measure_lags, solution)
         shown = {name: value for name, value in solution.shown_values.items() if name in values}
-        changes = describe_changes(constancy, shown, find_lags)
+        changes = describe_changes(constancy, shown, options.tolerance, find_lags)
     inputs = replace(ModelInputs.of(equations.records[0]), delay=values["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]

@@ -18,7 +18,7 @@ from ankleloop.joint.models import ModelInputs, TimeVaryingModel
 from ankleloop.joint.prepared import PreparedTrial
 from ankleloop.joint.regressors import merge_torques
 from ankleloop.joint.time_varying_course import FEWEST_CYCLES, trajectory_dataset
-from ankleloop.joint.verdicts import exceeds_tolerance
+from ankleloop.joint.verdicts import exceeds
 from ankleloop.methods.method import POSITION, Method, Offer, Validity
 from ankleloop.methods.riv.alternatives import (
     Alternative,
@@ -96,13 +96,18 @@ def identify_riv_tv(trials: Sequence[PreparedTrial], options: RivTvOptions) -> E
         return _estimate(trials, solution, options, None)
     constancy = measure_constancy(solution)
     estimate = _estimate(trials, solution, options, constancy)
-    for kind, texts in describe_changes(constancy, solution.shown_means).items():
+    changes = describe_changes(constancy, solution.shown_means, options.tolerance)
+    for kind, texts in changes.items():
         estimate.diagnostics[kind] = [*estimate.diagnostics.get(kind, ()), *texts]
     candidates = _list_alternatives(trials, solution, options)
     # One step does not tell what one effect leaves of another: the likeliest of those that matter most counts.
-    large = [each for each in candidates if exceeds_tolerance(each.shifts) or each.is_other_delay]
+    large = [
+        each
+        for each in candidates
+        if exceeds(each.shifts, options.tolerance) or each.is_other_delay
+    ]
     alternatives = choose_likeliest(large) or choose_likeliest(candidates)
-    return with_alternatives(estimate, alternatives, trials[0])
+    return with_alternatives(estimate, alternatives, trials[0], options.tolerance)
 
 
 def _solve(trials: Sequence[PreparedTrial], options: RivTvOptions) -> TimeVaryingSolution:

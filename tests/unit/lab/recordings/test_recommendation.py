@@ -109,7 +109,7 @@ def test_what_is_not_told_apart_is_named():
         (
             [warned(RIV), warned(PR)],
             "No method is recommended: every method that was fitted has a warning (RIV, PR), so a parameter may be "
-            "off by more than 10 %. The warnings say which, and what to do.",
+            "off by more than the tolerance. The warnings say which, and what to do.",
         ),
     ],
 )

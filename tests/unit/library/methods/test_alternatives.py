@@ -239,7 +239,9 @@ def test_what_moves_a_parameter_by_less_than_the_tolerance_is_remarked(seed):
     """A torque 0.5 ms late moves I by some per cent: the interval holds both values, and the estimate is trusted."""
     trial = simulate(seed=seed, recording_rate=2000.0, snr_db=20.0)
     torque = np.roll(trial["torque"].to_numpy(), 1)
-    estimate = identify(trial.assign(torque=("time", torque)), "riv")
+    late = trial.assign(torque=("time", torque))
+    assert identify(late, "riv", tolerance=0.005).warnings
+    estimate = identify(late, "riv")
     assert estimate.warnings == []
     assert estimate.trusted
     (text,) = estimate.remarks
@@ -328,10 +330,10 @@ def test_shifts_of_effects_beside_one_another_add_up():
     other = Alternative("friction", 0.1, 5.0, {"K": 0.01, "I": 0.06})
     trial = simulate(seed=1, duration=20.0)
     estimate = identify(trial, "riv")
-    single = with_alternatives(estimate, [likeliest], prepare(trial))
+    single = with_alternatives(estimate, [likeliest], prepare(trial), TOLERANCE)
     assert single.trusted
     assert len(single.remarks) == 1
-    both = with_alternatives(estimate, [likeliest, other], prepare(trial))
+    both = with_alternatives(estimate, [likeliest, other], prepare(trial), TOLERANCE)
     assert not both.trusted
     assert "Beside it, a friction of 0.1 N·m" in both.warnings[0]
     assert both.diagnostics["shifts"]["I"] == pytest.approx(0.13)
@@ -343,7 +345,8 @@ def test_effects_that_the_record_does_not_tell_apart_are_all_named():
     (likeliest,) = choose_likeliest([crosstalk, lag])
     assert likeliest.effect == "torque_lag"
     trial = simulate(seed=1, duration=20.0)
-    (text,) = with_alternatives(identify(trial, "riv"), [likeliest], prepare(trial)).warnings
+    estimate = identify(trial, "riv")
+    (text,) = with_alternatives(estimate, [likeliest], prepare(trial), TOLERANCE).warnings
     assert (
         "One of: a torque recorded 1 ms after the position (moves K by +2 %, I by +7 %: record"
         in text
