@@ -328,9 +328,10 @@ def _data_use(options: Any) -> dict[str, Any]:
 
 
 def _list_faults(estimate: Estimate, method: Method) -> list[str]:
-    """Warnings about parameters that are no numbers, or that no joint has with all of their interval.
+    """Warnings about parameters that are no numbers, or that no joint has with twice their interval.
 
-    A device may be of any size, and be pulled away from where it stands; it has no negative inertia or viscosity.
+    Chance alone puts one of forty intervals of a value that is nearly zero below it. A device may be of any size, and be
+    pulled away from where it stands; it has no negative inertia or viscosity.
     """
     values = estimate.values
     warnings = []
@@ -348,7 +349,8 @@ def _list_faults(estimate: Estimate, method: Method) -> list[str]:
             subject = "device"
             least, most = (-inf if name == "K" else least), inf
         low, high = estimate.intervals.get(name, (value, value))
-        if high < least or low > most:
+        margin = 0.5 * (high - low)
+        if high + margin < least or low - margin > most:
             fault = f"not within {least:g} … {most:g}"
             if value < 0:
                 fault = f"negative, which no {subject} has"

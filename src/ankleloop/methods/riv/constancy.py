@@ -30,18 +30,29 @@ DIFFERENT = 0.01
 LAG_ADVICE = (
     "samples were lost, or the clocks of position and torque differ: record both with one clock"
 )
-HALF_ADVICE = (
+PART_ADVICE = (
     "if the joint did not change, look for a gain that did, or for samples that were lost; a joint that changes is for "
     "riv-tv over time"
 )
 TRIAL_ADVICE = "look at its channels, and leave it out if it is of another condition"
 
 
+class Place(NamedTuple):
+    """The second of two parts of a record, and what the first one is called."""
+
+    part: str
+    other: str
+
+
+AFTER = Place("from the middle on", "before")
+MIDDLE = Place("in the middle half", "before and after")
+
+
 @dataclass(frozen=True, eq=False)
 class Constancy:
     """Deviations of parts of a record, or of trials, from the whole."""
 
-    merged: bool  # whether the parts are trials, and not the halves of a single one
+    merged: bool  # whether the parts are trials, and not two of a single one
     shares: np.ndarray  # shape (parts,): of the samples
     influence: np.ndarray  # shape (unknowns, parts): deviations of all unknowns
     deviations: dict[str, np.ndarray]  # of K, B, I and G, shapes (parts,)
@@ -136,13 +147,16 @@ def compare_parts(
     )
 
 
-def measure_constancy(solution: Search) -> Constancy:
-    """Deviations of the trials, or of the halves of a single one."""
+def measure_constancy(solution: Search, place: Place = AFTER) -> Constancy:
+    """Deviations of the trials, or of two parts of a single one: its halves, or its ends and its middle."""
     point = solution.point
     free = solution.free
     band = point.equations.band
+    contributions = band.contributions(point.instruments[free] / point.level, point.residual)
+    if place == MIDDLE:
+        contributions = np.roll(contributions, contributions.shape[1] // 4, axis=1)
     return compare_parts(
-        contributions=band.contributions(point.instruments[free] / point.level, point.residual),
+        contributions=contributions,
         sizes=[part.samples for part in band.parts],
         normal=point.normal[np.ix_(free, free)],
         covariance=solution.covariance,
@@ -170,8 +184,9 @@ def describe_changes(
     values: Mapping[str, float],
     tolerance: float,
     find_lags: Callable[[], Lags] | None = None,
+    place: Place = AFTER,
 ) -> dict[str, list[str]]:
-    """Warnings about the parts that are so different that the whole says little about them; else a remark of halves."""
+    """Warnings about parts that are so different that the whole says little about them; else a remark of two parts."""
     if not values:
         return {}
     relative = [
@@ -192,14 +207,16 @@ def describe_changes(
                 _describe_trial(constancy, values, lags, number) for number in changes.tolist()
             ]
         }
-    return {"remarks" if is_small else "warnings": [_describe_halves(constancy, values, lags)]}
+    return {"remarks" if is_small else "warnings": [_describe_part(constancy, values, lags, place)]}
 
 
-def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: Lags | None) -> str:
-    """Warning about the second half of a record."""
+def _describe_part(
+    constancy: Constancy, values: Mapping[str, float], lags: Lags | None, place: Place
+) -> str:
+    """Warning about the second part of a record."""
     if lags is not None and np.abs(lags.scores).max() > SIGNIFICANT:
         before, after = lags.values
-        return f"from the middle on {_describe_lag(after - before)}: {LAG_ADVICE}."
+        return f"{place.part} {_describe_lag(after - before)}: {LAG_ADVICE}."
     ratios = []
     differences = []
     for name in _select_named(constancy, values, 1):
@@ -208,8 +225,8 @@ def _describe_halves(constancy: Constancy, values: Mapping[str, float], lags: La
             ratios.append(f"{name} is {second / first:.2g} times")
         else:
             differences.append(_describe_difference(name, second - first))
-    changes = [f"{', '.join(ratios)} what it was before"] if ratios else []
-    return f"from the middle on {', '.join(changes + differences)}: {HALF_ADVICE}."
+    changes = [f"{', '.join(ratios)} what it was {place.other}"] if ratios else []
+    return f"{place.part} {', '.join(changes + differences)}: {PART_ADVICE}."
 
 
 def _describe_trial(

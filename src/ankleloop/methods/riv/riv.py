@@ -32,6 +32,7 @@ from ankleloop.methods.riv.alternatives import (
     with_alternatives,
 )
 from ankleloop.methods.riv.constancy import (
+    MIDDLE,
     Constancy,
     check_intervals,
     describe_changes,
@@ -255,6 +256,9 @@ def _estimate(
         find_lags = partial(measure_lags, solution)
         shown = {name: value for name, value in solution.shown_values.items() if name in values}
         changes = describe_changes(constancy, shown, options.tolerance, find_lags)
+        if not (changes or constancy.merged):
+            middle = measure_constancy(solution, MIDDLE)
+            changes = describe_changes(middle, shown, options.tolerance, place=MIDDLE)
     inputs = replace(ModelInputs.of(equations.records[0]), delay=values["delay"])
     band = equations.band.parts[0]
     noise = point.noise[: band.frequency.size]

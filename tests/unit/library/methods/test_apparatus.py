@@ -170,7 +170,9 @@ def test_a_machine_in_closed_loop_has_the_published_parameters():
 @pytest.mark.parametrize("seed", range(20))
 def test_a_rotor_without_a_spring_gets_no_advice_about_signs(seed):
     rotor = make_rotor(seed)
-    texts = [*identify(rotor, "apparatus").warnings, *check_trial(rotor).reasons]
+    estimates = [identify(rotor, method) for method in ("apparatus", "riv")]
+    texts = [text for estimate in estimates for text in [*estimate.warnings, *estimate.remarks]]
+    texts += check_trial(rotor).reasons
     assert not [text for text in texts if "sign" in text]
 
 
