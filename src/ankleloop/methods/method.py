@@ -330,8 +330,8 @@ def _data_use(options: Any) -> dict[str, Any]:
 def _list_faults(estimate: Estimate, method: Method) -> list[str]:
     """Warnings about parameters that are no numbers, or that no joint has with twice their interval.
 
-    Chance alone puts one of forty intervals of a value that is nearly zero below it. A device may be of any size, and be
-    pulled away from where it stands; it has no negative inertia or viscosity.
+    Chance alone puts one of forty intervals of a value that is nearly zero below it. A device may be of any size, and
+    be pulled away from where it stands; it has no negative inertia or viscosity.
     """
     values = estimate.values
     warnings = []

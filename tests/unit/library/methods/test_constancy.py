@@ -46,6 +46,17 @@ def test_a_gain_that_doubles_is_told_with_its_size(trial, method):
         assert float(ratio) == pytest.approx(2.0, abs=0.4), name
 
 
+def test_a_reflex_in_the_middle_alone_is_told(trial):
+    """Of which the halves have the same share."""
+    without = simulate(seed=5, reflex_gain=0.0)
+    is_middle = np.abs(np.arange(trial.sizes["time"]) / trial.sizes["time"] - 0.5) < 1 / 6
+    mixed = trial.copy()
+    for name in ("position", "torque"):
+        mixed[name] = ("time", np.where(is_middle, trial[name], without[name]))
+    (text,) = identify(mixed, "riv").fit_warnings
+    assert text.startswith("in the middle half G ")
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_a_gain_that_drifts_is_remarked_with_its_size(seed):
     drifting = simulate(seed=seed)
