@@ -26,6 +26,8 @@ from ankleloop.methods.method import Method, Validity
 WEAKEST = 2.0  # F statistic of instruments that say nothing; good ensembles have 17 and more
 WEAK = 10.0  # of weak ones (Staiger and Stock 1997)
 INCOMPLETE = 0.01  # probability of the differences of the residual between the conditions
+# Of the differences of the torque: less, which noise hardly hides, moves K, B, I and G by less than 0.5 %.
+SMALLEST_SHARE = 2e-4
 UNBALANCED = 0.01  # probability of the differences of the conditions before the onset
 CERTAIN_REFLEX = 4.0  # normal score of G below which it has long tails
 REACTION = 0.15  # s: no subject reacts earlier
@@ -65,8 +67,9 @@ def identify_ensemble(trials: Sequence[PreparedTrial], options: EnsembleOptions)
         each condition, which stand one after the other as trials do, the mean of its trials over the time from the
         onset, less e(t). `diagnostics`: conditions (with their trials), window [s], position (mean of each condition
         [rad]), strength (F statistic of the instruments), movement_p (probability of differences of the residual
-        between the conditions at least as large, were the model complete: 199 permutations), balance_p (of differences
-        before the onset), reflex_score, offsets [N·m], converged.
+        between the conditions at least as large, were the model complete: 199 permutations), movement_share (how much
+        of the differences of the torque they are, beyond chance), balance_p (of differences before the onset),
+        reflex_score, offsets [N·m], converged.
 
     Raises
     ------
@@ -126,7 +129,6 @@ def _estimate(
     if solution.converged:
         freedom = windows.sizes.min() - 1
         uncertainty = Uncertainty.of(values, solution.rows, solution.covariance, freedom)
-    incomplete_p = solution.incomplete_p
     end = windows.time[-1]
     assumptions = []
     if end > REACTION:
@@ -148,14 +150,15 @@ def _estimate(
             "intervals": "influence of trials" if solution.converged else None,
             **uncertainty.diagnostics,
             "strength": strength,
-            "movement_p": incomplete_p,
+            "movement_p": solution.incomplete_p,
+            "movement_share": solution.incomplete_share,
             "balance_p": balance_p,
             "reflex_score": solution.reflex_score,
             "offsets": solution.offsets.tolist(),
             "reference": "condition",
             "missing": missing,
             "assumptions": assumptions,
-            "warnings": _warnings(solution, balance_p, strength, incomplete_p),
+            "warnings": _warnings(solution, balance_p, strength),
         },
     )
 
@@ -183,9 +186,7 @@ def _average_torques(windows: Windows, solution: EnsembleSolution) -> xr.Dataset
     )
 
 
-def _warnings(
-    solution: EnsembleSolution, balance_p: float, strength: float, incomplete_p: float
-) -> list[str]:
+def _warnings(solution: EnsembleSolution, balance_p: float, strength: float) -> list[str]:
     """What the windows do not show, or the search did not reach."""
     warnings = []
     if not solution.converged:
@@ -198,11 +199,11 @@ def _warnings(
             f"the instruments are weak: the F statistic of the conditions is {strength:.2g}, and {WEAK:g} is needed. "
             "Record more trials, or perturb more strongly."
         )
-    if incomplete_p <= INCOMPLETE:
+    if solution.incomplete_p <= INCOMPLETE and solution.incomplete_share > SMALLEST_SHARE:
         warnings.append(
             "the conditions differ in a part of the torque that the model does not have: a reaction of the subject, a "
-            "stiffness that changes with the stretch, or a reflex of another kind. End the windows earlier, or compare "
-            "smaller perturbations."
+            "stiffness that changes with the stretch, a reflex of another kind, or a torque that is recorded late. End "
+            "the windows earlier, compare smaller perturbations, or measure the lag."
         )
     if balance_p < UNBALANCED:
         warnings.append(

@@ -169,15 +169,14 @@ class EnsembleSolution:
         scaled = scale[:, None] * scale
         return float(1.0 + linalg.eigvalsh(symmetric * scaled, scatter * scaled)[0])
 
-    @property
-    def incomplete_p(self) -> float:
-        """Probability of differences of the residual between conditions at least as large, were the model complete.
+    @cached_property
+    def _unexplained(self) -> np.ndarray:
+        """Sizes of the differences between conditions that the parameters cannot explain, shape (1 + permutations,).
 
-        Those that the parameters could explain are taken out. The conditions are permuted over the trials.
+        First those of the residual, then those where the conditions are permuted over the trials.
         """
         windows = self.equations.windows
-        members = windows.groups == np.arange(windows.sizes.size)[:, None]
-        weights = members / np.sqrt(windows.sizes)[:, None]
+        weights = self._contrasts
         explained = (weights @ self.white_columns).reshape(len(self.columns), -1)
         basis = np.linalg.qr(explained.T)[0]
         generator = np.random.default_rng(PERMUTATION_SEED)
@@ -185,8 +184,27 @@ class EnsembleSolution:
         permuted = weights[:, [np.arange(windows.groups.size), *orders]].swapaxes(0, 1)
         contrasts = (permuted @ self.white_residual).reshape(PERMUTATIONS + 1, -1)
         left = contrasts - (contrasts @ basis) @ basis.T
-        sizes = np.sum(left**2, axis=1)
-        return float(np.mean(sizes >= sizes[0]))
+        return np.sum(left**2, axis=1)
+
+    @property
+    def _contrasts(self) -> np.ndarray:
+        """Weights of the trials in the mean of each condition, as it counts, shape (C, trials)."""
+        windows = self.equations.windows
+        members = windows.groups == np.arange(windows.sizes.size)[:, None]
+        return members / np.sqrt(windows.sizes)[:, None]
+
+    @property
+    def incomplete_p(self) -> float:
+        """Probability of such differences at least as large, were the model complete."""
+        return float(np.mean(self._unexplained >= self._unexplained[0]))
+
+    @property
+    def incomplete_share(self) -> float:
+        """How much of the differences of the torque they are, beyond chance."""
+        torque = self.equations.torque
+        differences = self._contrasts @ self._whiten(torque - torque.mean(axis=0))
+        beyond = self._unexplained[0] - self._unexplained[1:].mean()
+        return float(beyond / np.sum(differences**2))
 
     def advance(self, step: np.ndarray) -> EnsembleSolution:
         """Solution after a step of the unknowns."""

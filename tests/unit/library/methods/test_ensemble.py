@@ -85,6 +85,11 @@ def test_the_slope_of_a_stiffness_that_rises():
     assert "K_slope" not in constant.stiffness
 
 
+def test_a_short_range_stiffness_is_warned_of():
+    yielding = simulate_ensemble(replace(QUIET, short_range=150.0), 2)
+    assert "a stiffness that changes with the stretch" in identify(yielding, "ensemble").warnings[0]
+
+
 def test_a_joint_without_a_reflex_is_passive():
     estimate = identify(simulate_ensemble(Ensemble(load=STIFF, gain=0.0), 1), "ensemble")
     assert {"omega_n", "zeta"}.isdisjoint(estimate.reflex)
