@@ -17,7 +17,9 @@
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   for (let node = walker.nextNode(); node; node = walker.nextNode()) {
     if (!node.data.trim() || node.parentElement.closest("script, style")) continue;
-    if (!node.parentElement.checkVisibility({ visibilityProperty: true })) continue; // also closed details
+    const parent = node.parentElement;
+    if (!parent.checkVisibility({ visibilityProperty: true })) continue; // also within closed details
+    if (parent.matches("details:not([open])")) continue; // text of their own, beside the summary
     const range = document.createRange();
     range.selectNodeContents(node);
     for (const rectangle of range.getClientRects()) {

@@ -173,7 +173,7 @@ def add_warning(estimate):
 
 def turn_viscosity(estimate):
     return replace(
-        estimate, stiffness={**estimate.stiffness, "B": -1.0}, intervals={"B": (-1.5, -0.5)}
+        estimate, stiffness={**estimate.stiffness, "B": -1.0}, intervals={"B": (-1.2, -0.8)}
     )
 
 
