@@ -614,12 +614,12 @@ def test_what_is_remarked_is_said(run, tmp_path):
     """Of one file and of several."""
     trial = simulate(seed=1, recording_rate=2000.0, snr_db=20.0)
     late = np.roll(trial["torque"].to_numpy(), 1)
-    write_recording(trial.assign(torque=("time", late)), tmp_path / "a.csv", "csv")
-    write_recording(trial, tmp_path / "b.csv", "csv")
+    write_recording(trial.assign(torque=("time", late)), tmp_path / "a.mat", "matlab-5")
+    write_recording(trial, tmp_path / "b.mat", "matlab-5")
     effect = "the record shows one of: a torque recorded 0.56 ms after the position; a low-pass of"
-    single = run("identify", tmp_path / "a.csv", "--method", "riv", "--output", tmp_path / "a")
+    single = run("identify", tmp_path / "a.mat", "--method", "riv", "--output", tmp_path / "a")
     assert f"Remarked: {effect}" in single.out
-    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    files = [tmp_path / "a.mat", tmp_path / "b.mat"]
     several = run("identify", *files, "--method", "riv", "--output", tmp_path / "both")
     assert f"a: {effect}" in several.out
     assert "b: the record shows" not in several.out
