@@ -14,6 +14,7 @@ import pandas as pd
 from effects import EFFECTS, GOOD, make_trial
 from faults import FAULTS, LOADS, TRUTHS, make_faulty_trial, make_good_trial
 from independent import simulate_independently
+from scipy import special
 from scipy.interpolate import make_interp_spline
 from tools import format_table
 
@@ -26,7 +27,8 @@ DESCRIPTION = (
     "late, filters of second order, 14 bits or 0.3 mrad of noise; subjects who push 0.5 to 2.5 times as hard as the "
     "torque, at 1 to 30 mrad. Estimates by `riv` are right where K, B, I and G are within 15 %, within the tolerance "
     "where they are within 10 %. They are silently wrong where one is not right, its interval excludes the truth and "
-    "there is no warning. Invisible by nature are a footplate, gravity, a wrong rate, and a stiffness that relaxes.\n\n"
+    "there is no warning; intervals of 95 % that hold what they say leave so many by chance alone. Invisible by nature "
+    "are a footplate, gravity, a wrong rate, and a stiffness that relaxes.\n\n"
 )
 SEED = 7_200_000
 RIGHT = 0.15
@@ -193,6 +195,16 @@ def judge_cases(sets=SETS, every=1):
         return pd.DataFrame(pool.map(judge_case, cases))
 
 
+def count_by_chance(outcomes):
+    """How many estimates 95 % intervals that hold what they say leave silently wrong."""
+    held = np.ones(len(outcomes))
+    for name in TRUTHS:
+        width = outcomes[f"{name}_width"].to_numpy(float)
+        limit = np.maximum(width, RIGHT) / width * special.ndtri(0.975)
+        held *= 1.0 - np.nan_to_num(2.0 * special.ndtr(-limit))
+    return np.sum(1.0 - held)
+
+
 def summarise(outcomes):
     """Counts of each set."""
     rows = []
@@ -216,6 +228,7 @@ def summarise(outcomes):
                 "within the tolerance": len(near),
                 "within it, warned of": int((near["warnings"] != "").sum()),
                 "silently wrong": len(silent),
+                "by chance alone": f"{count_by_chance(given):.0f}",
                 "of them invisible by nature": int(silent["kind"].str.startswith(INVISIBLE).sum()),
                 "K held [%]": f"{100 * given['K_held'].mean():.1f}",
                 "half-width of K [%]": f"{100 * given['K_width'].median():.1f}",
