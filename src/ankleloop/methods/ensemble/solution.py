@@ -17,6 +17,7 @@ from ankleloop.signals.least_squares import TINY, solve_scaled
 MOST_ROUNDS = 20
 FEWEST_ROUNDS = 3
 FULL_ROUNDS = 6  # with whole steps
+LARGEST_BIAS = 0.5  # standard errors that a bias may have
 PERMUTATIONS = 199
 PERMUTATION_SEED = 20
 
@@ -126,6 +127,22 @@ class EnsembleSolution:
         return influences.T @ influences
 
     @property
+    def bias(self) -> np.ndarray:
+        """Bias of the unknowns by weak instruments, to second order in the noise, shape (unknowns,).
+
+        The noise of a trial is in the matrix A of the equations twice: in its columns, and in the instruments that it
+        is part of for others. With its part B of the matrix and its contribution c, which feedback correlates, the
+        solution is off by the mean of -A⁻¹ (B + Bᵀ) A⁻¹ c over the noise. Where that is large it is not known.
+        """
+        scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(self.normal)), TINY))
+        inverse = np.linalg.inv(self.normal * (scale[:, None] * scale))
+        parts = self.trial_normals * (scale[:, None] * scale)
+        influences = (self.contributions * scale) @ inverse.T
+        sums = np.einsum("npq,nq->p", parts + parts.swapaxes(1, 2), influences)
+        limits = LARGEST_BIAS * np.sqrt(np.diag(self.covariance))
+        return np.clip(-scale * (inverse @ sums), -limits, limits)
+
+    @property
     def delay(self) -> float:
         """Delay of the reflex [s]."""
         return self.equations.delay + self.parameters.shift
@@ -220,11 +237,13 @@ def solve_ensemble(equations: EnsembleEquations) -> EnsembleSolution:
     """Solve the equations, for a passive joint where the windows show no reflex; else with its dynamics."""
     start = EnsembleSolution(equations, *equations.find_start())
     solution = _search(start)
-    if solution.converged and solution.reflex_score > SHOWN_REFLEX:
+    if not solution.converged or solution.reflex_score <= SHOWN_REFLEX:
+        passive = _search(replace(start, parameters=solution.parameters.without_reflex()))
+        if passive.converged and passive.reflex_score < ABSENT_REFLEX:
+            solution = passive
+    if not solution.converged:
         return solution
-    passive = _search(replace(start, parameters=solution.parameters.without_reflex()))
-    is_passive = passive.converged and passive.reflex_score < ABSENT_REFLEX
-    return passive if is_passive else solution
+    return replace(solution.advance(-solution.bias), converged=True)
 
 
 def _search(solution: EnsembleSolution) -> EnsembleSolution:

@@ -5,6 +5,7 @@ import time
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -23,6 +24,7 @@ from ankleloop import (
 from ankleloop.joint.prepared import prepare_trials
 from ankleloop.methods.ensemble.equations import EnsembleEquations
 from ankleloop.methods.ensemble.options import EnsembleOptions
+from ankleloop.methods.ensemble.solution import EnsembleSolution
 from ankleloop.methods.ensemble.windows import Windows
 
 sys.path.append(str(Path(__file__).parents[4] / "benchmarks"))
@@ -273,3 +275,35 @@ def test_windows_without_an_onset_need_one(windows, estimate):
     with pytest.raises(DataError, match="give onset"):
         identify(bare, "ensemble")
     assert identify(bare, "ensemble", onset=0.3) == estimate
+
+
+def test_the_bias_of_weak_instruments_is_that_of_many_draws():
+    """Of one unknown, whose column has noise that feedback correlates with that of the torque."""
+    generator = np.random.default_rng(1)
+    groups = np.repeat([0, 1], 12)
+    draws = []
+    for _ in range(4000):
+        noise = generator.standard_normal(24)
+        column = 2.0 * groups + noise
+        torque = -0.8 * noise + 0.6 * generator.standard_normal(24)
+        column, torque = column - column.mean(), torque - torque.mean()
+        sums = np.array([column[groups == group].sum() for group in (0, 1)])
+        instruments = (sums[groups] - column) / 11 + column / 23
+        parts = instruments * column
+        scatter = np.var(column - sums[groups] / 12) * 24 / 22
+        if parts.sum() < scatter:  # an F statistic below 2, which is refused
+            continue
+        value = instruments @ torque / parts.sum()
+        contributions = instruments * (torque - value * column)
+        influences = contributions / (parts.sum() - parts)
+        solution = SimpleNamespace(
+            normal=parts.sum(keepdims=True)[:, None],
+            trial_normals=parts[:, None, None],
+            contributions=contributions[:, None],
+            covariance=np.sum(influences**2, keepdims=True)[:, None],
+        )
+        draws.append([value, value - EnsembleSolution.bias.fget(solution).item()])
+    solved, corrected = np.array(draws).T
+    assert solved.mean() > 0.06
+    assert abs(corrected.mean()) < 0.02
+    assert corrected.std() < solved.std()
