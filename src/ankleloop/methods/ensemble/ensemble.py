@@ -51,8 +51,9 @@ def identify_ensemble(trials: Sequence[PreparedTrial], options: EnsembleOptions)
     .. math:: \sum_i z_i^T \hat C^{-1} \left[TQ_i - \overline{TQ}
               - (\hat{TQ}_i - \overline{\hat{TQ}})(\hat\theta)\right] = 0
 
-    with C the covariance of the residual over the window in the other tenths of the trials. Intervals come from the
-    influence of each trial, with Student's t of the trials of the smallest condition.
+    with C the covariance of the residual over the window in the other tenths of the trials. What weak instruments bias
+    it by, to second order in the noise (`ankleloop.methods.ensemble.solution.EnsembleSolution.bias`), is taken off the
+    solution. Intervals come from the influence of each trial, with Student's t of the trials of the smallest condition.
 
     Parameters
     ----------
