@@ -107,6 +107,8 @@ def identify_ensemble(trials: Sequence[PreparedTrial], options: EnsembleOptions)
             "needed. Trials of a condition have the same command at the same time after the onset: repeat a few "
             "sequences, cut at the recorded command, perturb more strongly."
         )
+    if solution.converged:
+        solution = solution.remove_bias()
     return _estimate(windows, solution, options, balance_p, strength)
 
 

@@ -140,6 +140,9 @@ class EnsembleSolution:
         influences = (self.contributions * scale) @ inverse.T
         sums = np.einsum("npq,nq->p", parts + parts.swapaxes(1, 2), influences)
         limits = LARGEST_BIAS * np.sqrt(np.diag(self.covariance))
+        size = self.parameters.linear.size
+        for number, name in enumerate(self.parameters.unknowns, size):
+            limits[number] = min(limits[number], LARGEST_STEPS[name])
         return np.clip(-scale * (inverse @ sums), -limits, limits)
 
     @property
@@ -223,6 +226,10 @@ class EnsembleSolution:
         beyond = self._unexplained[0] - self._unexplained[1:].mean()
         return float(beyond / np.sum(differences**2))
 
+    def remove_bias(self) -> EnsembleSolution:
+        """The solution less its bias; one that is refused for its strength has no bias of any use."""
+        return replace(self.advance(-self.bias), converged=self.converged)
+
     def advance(self, step: np.ndarray) -> EnsembleSolution:
         """Solution after a step of the unknowns."""
         size = step.size - self.offsets.size
@@ -241,9 +248,7 @@ def solve_ensemble(equations: EnsembleEquations) -> EnsembleSolution:
         passive = _search(replace(start, parameters=solution.parameters.without_reflex()))
         if passive.converged and passive.reflex_score < ABSENT_REFLEX:
             solution = passive
-    if not solution.converged:
-        return solution
-    return replace(solution.advance(-solution.bias), converged=True)
+    return solution
 
 
 def _search(solution: EnsembleSolution) -> EnsembleSolution:

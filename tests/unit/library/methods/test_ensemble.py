@@ -301,6 +301,7 @@ def test_the_bias_of_weak_instruments_is_that_of_many_draws():
             trial_normals=parts[:, None, None],
             contributions=contributions[:, None],
             covariance=np.sum(influences**2, keepdims=True)[:, None],
+            parameters=SimpleNamespace(linear=np.zeros(1), unknowns=()),
         )
         draws.append([value, value - EnsembleSolution.bias.fget(solution).item()])
     solved, corrected = np.array(draws).T
