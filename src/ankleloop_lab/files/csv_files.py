@@ -102,9 +102,8 @@ class CsvContents(Contents):
         if above:  # there may be a second row of names
             number, line = above[-1]
             names = self._split_names(line)
-            if len(names) == len(self._names) and self._count_channels(
-                names
-            ) > self._count_channels(self._names):
+            is_row = len(names) == len(self._names)
+            if is_row and self._count_channels(names) > self._count_channels(self._names):
                 self._names_line, self._names = number, names
         if self._delimiter == " " and len(self._names) != len(_split(model, " ")):
             raise DataError(

@@ -12,7 +12,7 @@ from ankleloop.methods.ensemble.equations import EnsembleEquations
 from ankleloop.methods.riv.alternatives import normal_score
 from ankleloop.methods.riv.equations import ABSENT_REFLEX, SHOWN_REFLEX, Parameters
 from ankleloop.methods.riv_tv.solution import CONVERGED, LARGEST_STEPS, NEGLIGIBLE_STEP
-from ankleloop.signals.least_squares import TINY, solve_scaled
+from ankleloop.signals.least_squares import TINY, invert_scaled, solve_scaled
 
 MOST_ROUNDS = 20
 FEWEST_ROUNDS = 3
@@ -134,16 +134,15 @@ class EnsembleSolution:
         is part of for others. With its part B of the matrix and its contribution c, which feedback correlates, the
         solution is off by the mean of -A⁻¹ (B + Bᵀ) A⁻¹ c over the noise. Where that is large it is not known.
         """
-        scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(self.normal)), TINY))
-        inverse = np.linalg.inv(self.normal * (scale[:, None] * scale))
-        parts = self.trial_normals * (scale[:, None] * scale)
-        influences = (self.contributions * scale) @ inverse.T
-        sums = np.einsum("npq,nq->p", parts + parts.swapaxes(1, 2), influences)
+        inverse = invert_scaled(self.normal)
+        influences = self.contributions @ inverse.T
+        parts = self.trial_normals + self.trial_normals.swapaxes(1, 2)
+        bias = -inverse @ np.einsum("npq,nq->p", parts, influences)
         limits = LARGEST_BIAS * np.sqrt(np.diag(self.covariance))
         size = self.parameters.linear.size
         for number, name in enumerate(self.parameters.unknowns, size):
             limits[number] = min(limits[number], LARGEST_STEPS[name])
-        return np.clip(-scale * (inverse @ sums), -limits, limits)
+        return np.clip(bias, -limits, limits)
 
     @property
     def delay(self) -> float:
