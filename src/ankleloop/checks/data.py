@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ankleloop.checks.channels import CHANNEL_CHECKS
+from ankleloop.checks.channels import CHANNEL_CHECKS, GAPS, is_reference_filled
 from ankleloop.checks.findings import Finding, name_trial
 from ankleloop.checks.movement import (
     COPY_SHARE,
@@ -38,6 +38,7 @@ def check_data(
     reference: str | None,
     *,
     judged: bool = False,
+    skips_gaps: bool = False,
     delay: float = 0.04,
     identification_rate: float = 100.0,
     order: int = 2,
@@ -47,7 +48,8 @@ def check_data(
 
     `reference` is the variable whose leads or lags are instruments, `order` and `block_rows` are those for which the
     movement has to be persistently exciting; None for a method that has none. `judged` is whether the method itself
-    refuses a reference that is too weak and a torque that does not answer it: then both are left to it.
+    refuses a reference that is too weak and a torque that does not answer it: then both are left to it. `skips_gaps`
+    is whether it leaves filled gaps out, which is enough unless the reference was filled, too.
 
     The checks are: scale, clipping, stretches at rest, filled gaps and spikes of position and torque; noise of the
     velocity and bandwidth of the torque; whether the torque has to do with the movement, and opposes it; whether the
@@ -63,6 +65,10 @@ def check_data(
         ]
         if judged:
             findings = [finding for finding in findings if finding and finding.name != "relation"]
+        if skips_gaps and not is_reference_filled(trial, reference or "position"):
+            findings = [
+                finding for finding in findings if finding and not finding.name.startswith(GAPS)
+            ]
         place = name_trial(number, len(trials))
         warnings += [f"{place}{finding.text}" for finding in findings if finding]
     if reference and reference != "position":

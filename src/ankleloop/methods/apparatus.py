@@ -221,7 +221,7 @@ def _score_reflex(point: Point) -> float:
     band = equations.band
     late = np.exp(-np.outer(REFLEX_DELAYS, band.s)) * NOMINAL_DYNAMICS.response(band.s)[0]
     regressors, instruments = (
-        np.vstack([inputs, late * band.transform(velocity.clip(0.0))])
+        np.vstack([inputs, equations.select_recorded(late * band.transform(velocity.clip(0.0)))])
         for inputs, velocity in (
             (point.regressors, equations.inputs[1]),
             (point.instruments, equations.predicted_inputs[1]),
@@ -411,6 +411,7 @@ METHODS = (
         identify_apparatus,
         merges=True,
         least=LEAST_BESIDE_FILTERS,
+        skips_gaps=True,
         validity=Validity(closed={}, without_reference=POSITION),
         offer=Offer("Apparatus without a subject"),
         of_device=True,

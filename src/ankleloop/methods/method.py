@@ -167,7 +167,9 @@ def check_records(method: Method, trials: Sequence[PreparedTrial], options: Any)
         _check_lengths(method, trials, options)
     reference = method.reference(options)
     judged = method.judges_reference and reference not in (None, "position")
-    return check_data(trials, reference, judged=judged, **_data_use(options))
+    return check_data(
+        trials, reference, judged=judged, skips_gaps=method.skips_gaps, **_data_use(options)
+    )
 
 
 def _check_lengths(method: Method, trials: Sequence[PreparedTrial], options: Any) -> None:
@@ -209,6 +211,8 @@ class Method:
         Time of each of several trials that has to be left beside the filters [s].
     judges_reference : bool
         Whether it refuses a reference that is too weak, and a torque that does not answer it, by itself.
+    skips_gaps : bool
+        Whether it leaves out gaps of the record that were filled.
     validity : Validity
         In which loop it is valid, and with which options; by default it is not known to be valid in closed loop.
     offer : Offer, optional
@@ -240,6 +244,7 @@ class Method:
     merges: bool = False
     least: float = 0.0
     judges_reference: bool = False
+    skips_gaps: bool = False
     validity: Validity = UNKNOWN
     offer: Offer | None = None
     prepare: Callable[[Method, Any, Any], list[PreparedTrial]] = prepare_records

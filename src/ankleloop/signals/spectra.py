@@ -147,6 +147,15 @@ class Bands:
         pairs = self._split_spectra(spectra)
         return np.concatenate([part.signals(values) for part, values in pairs], axis=-1)
 
+    def weigh_samples(self, spectra: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Transforms of signals of which each sample has a weight.
+
+        Shapes: spectra (..., frequencies), weights (samples,); returns (..., frequencies).
+        """
+        pairs = self._split_samples(weights * self.signals(spectra))
+        parts = [rfft(values, axis=-1)[..., part.bins] for part, values in pairs]
+        return np.concatenate(parts, axis=-1)
+
     def centre(self, x: np.ndarray) -> np.ndarray:
         """A signal less its mean in each record, shape (samples,)."""
         return np.concatenate([values - values.mean() for _, values in self._split_samples(x)])

@@ -362,8 +362,7 @@ def _make_channels(point: Point, inputs: np.ndarray, spectra: np.ndarray) -> Cha
     """
     equations = point.equations
     band = equations.band
-    linear = point.parameters.linear
-    torque = linear @ point.instruments[: linear.size]
+    torque = point.parameters.torque(spectra[:MOTION], spectra[MOTION:], band.s)
     return Channels(
         position=band.centre(inputs[0]),
         velocity=inputs[1],
@@ -394,8 +393,10 @@ def find_steps(
         torque=point.equations.torque,
         recorded=origin.torque,
     )
-    regressors = {name: EFFECTS[name].rows(measured) for name in names}
-    instruments = {name: EFFECTS[name].rows(predicted) for name in names}
+    regressors, instruments = (
+        {name: origin.select_recorded(EFFECTS[name].rows(channels)) for name in names}
+        for channels in (measured, predicted)
+    )
     weighted = np.vstack(
         [point.weighted[free], np.vstack([*instruments.values()]).conj() / point.level]
     )

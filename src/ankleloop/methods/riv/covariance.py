@@ -54,7 +54,7 @@ def apparatus_covariance(point: Point, free: np.ndarray, apparatus: Apparatus) -
     Shapes: returns (free, free).
     """
     equations = point.equations
-    columns = equations.band.transform(equations.apparatus_inputs)
+    columns = equations.select_recorded(equations.band.transform(equations.apparatus_inputs))
     products = np.real(point.weighted[free] @ columns.T)
     influence = solve_scaled(point.normal[np.ix_(free, free)], products)
     return influence @ apparatus.scatter @ influence.T

@@ -15,6 +15,8 @@ from math import inf
 import numpy as np
 from scipy import special
 
+from ankleloop.checks.channels import find_recorded
+from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import GRIDS, ReflexDynamics
 from ankleloop.joint.hammerstein import ReflexPath
 from ankleloop.joint.prepared import PreparedTrial, predict_inputs
@@ -36,6 +38,7 @@ INCOMPLETE = 0.01
 MOVEMENT_REACH = 0.5  # s within which a residual may depend on the movement
 LEAST_BESIDE_FILTERS = 1.1  # s of each trial: these lags have to fit in on both sides
 MOVEMENT_RESOLUTION = 1.0  # Hz: width over which the spectrum of the movement is smoothed
+LEAST_RECORDED = 0.1  # share of the samples that no filled gap reaches
 SLOPE_STEP = 1e-5  # of a logarithm, or s, for second derivatives
 NOMINAL_DYNAMICS = ReflexDynamics(omega_n=40.0, zeta=1.0)  # of a reflex that is not there
 SHOWN_REFLEX = 4.5  # normal score of a reflex beyond doubt
@@ -137,7 +140,8 @@ class Point:
             self.instruments = equations.differentiate(equations.predicted, parameters)
         # Shape (frequencies,): measured torque less that of the model, its smoothed periodogram, and the noise that the
         # weights are the inverse of.
-        self.residual = equations.torque - linear @ self.regressors[: linear.size]
+        torque = equations.select_recorded(equations.torque)
+        self.residual = torque - linear @ self.regressors[: linear.size]
         self.noise = equations.smooth_power(self.residual)
         self.level = self.noise
         if equations.weighting == "flat":
@@ -228,7 +232,8 @@ class Point:
                 continue
             power = band.smooth(np.abs(spectrum) ** 2, MOVEMENT_RESOLUTION)
             products = band.correlate(residual * spectrum.conj() / np.sqrt(power), reach)
-            squares.append(np.sum(products**2) / (0.5 * residual.size * band.correlation))
+            variance = 0.5 * self.equations.share * residual.size * band.correlation
+            squares.append(np.sum(products**2) / variance)
         return 2 * reach + 1, max(squares)
 
     @cached_property
@@ -240,7 +245,8 @@ class Point:
         """
         equations = self.equations
         linear = self.parameters.linear
-        remainder = equations.torque - linear @ self.instruments[: linear.size]
+        torque = equations.select_recorded(equations.torque)
+        remainder = torque - linear @ self.instruments[: linear.size]
         power = np.mean(np.abs(remainder) ** 2, keepdims=True)
         if equations.weighting == "noise":
             power = equations.smooth_power(remainder)
@@ -286,6 +292,19 @@ class Equations:
         self.apparatus = trials[0].apparatus  # the same of all trials
         self.weighting = weighting  # "noise" or "flat"
         self.delay = records[0].delay  # of the inputs [s]
+        # Shape (samples,): which of them no filled gap reaches, and their share.
+        self.recorded = _join(
+            [
+                find_recorded(trial, record.grid)
+                for trial, record in zip(trials, records, strict=True)
+            ]
+        )
+        self.share = float(self.recorded.mean())
+        if self.share < LEAST_RECORDED:
+            raise DataError(
+                f"filled gaps of position and torque reach {100 - 100 * self.share:.3g} % of the record, and what is "
+                "left says too little: record again."
+            )
         sizes = [record.torque.size for record in records]
         self.band = pass_bands(sizes, records[0].rate, highest)
         # From this pole on none can be told from a delay [rad/s].
@@ -293,7 +312,7 @@ class Equations:
         # Variance of the smoothed spectrum over its square; zero for flat weights.
         self.smoothing_variance = 0.0
         if weighting == "noise":
-            self.smoothing_variance = self.band.smoothing_variance(NOISE_RESOLUTION)
+            self.smoothing_variance = self.band.smoothing_variance(NOISE_RESOLUTION) / self.share
         self.torque = self.band.transform(_join([record.torque for record in records]))
         # Shape (3 + k, samples): the inputs over time.
         self.inputs = _join([record.inputs.T for record in records])
@@ -308,18 +327,26 @@ class Equations:
         references = [record.reference for record in records if record.reference is not None]
         self.reference = self.band.transform(_join(references))
 
+    def select_recorded(self, spectra: np.ndarray) -> np.ndarray:
+        """Spectra of signals that are zero where a filled gap reaches: the equations leave those samples out.
+
+        Shapes: spectra (..., frequencies), as what is returned.
+        """
+        return spectra if self.share == 1.0 else self.band.weigh_samples(spectra, self.recorded)
+
     def smooth_power(self, spectrum: np.ndarray) -> np.ndarray:
-        """Smoothed periodogram, shape (frequencies,)."""
-        power = self.band.smooth(np.abs(spectrum) ** 2, NOISE_RESOLUTION)
+        """Smoothed periodogram of what no gap reaches, shape (frequencies,)."""
+        power = self.band.smooth(np.abs(spectrum) ** 2, NOISE_RESOLUTION) / self.share
         return np.maximum(power, POWER_FLOOR * power.max())
 
     def smooth_rows(self, rows: np.ndarray) -> np.ndarray:
         """Rows over frequency, smoothed as the periodogram is, shape (rows, frequencies)."""
-        return np.array([self.band.smooth(row, NOISE_RESOLUTION) for row in rows])
+        return np.array([self.band.smooth(row, NOISE_RESOLUTION) for row in rows]) / self.share
 
     def differentiate(self, spectra: np.ndarray, parameters: Parameters) -> np.ndarray:
         """Derivatives of the torque with respect to the parameters, by some inputs, shape (unknowns, frequencies)."""
-        return parameters.differentiate(spectra[:MOTION], spectra[MOTION:], self.band.s)
+        rows = parameters.differentiate(spectra[:MOTION], spectra[MOTION:], self.band.s)
+        return self.select_recorded(rows)
 
     def hold_at_limits(self, parameters: Parameters) -> tuple[Parameters, set[str]]:
         """Parameters without a third pole or a delay beyond their limits, and the names of those that were."""

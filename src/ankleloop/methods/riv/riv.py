@@ -8,6 +8,7 @@ from functools import partial
 from math import inf
 from typing import Any, Literal
 
+from ankleloop.checks.channels import GAP_MEMORY
 from ankleloop.checks.reference import find_reference_fault
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
@@ -292,7 +293,7 @@ def _estimate(
             "missing": missing,
             "incomplete": incomplete,
             "warnings": [*_warnings(solution), *changes.get("warnings", ())],
-            "remarks": changes.get("remarks", []),
+            "remarks": [*_describe_gaps(equations), *changes.get("remarks", ())],
         },
         predictor=model,
     )
@@ -325,6 +326,16 @@ def _quantify(
     return kind, Uncertainty.of(values, solution.rows, covariance, freedom), apparatus
 
 
+def _describe_gaps(equations: Equations) -> list[str]:
+    """Remark about what is left out."""
+    if equations.share == 1.0:
+        return []
+    return [
+        f"gaps of position or torque were filled by the last value or a line: {100 - 100 * equations.share:.2g} % of "
+        f"the samples, with {GAP_MEMORY:g} s after each gap, are left out."
+    ]
+
+
 def _warnings(solution: Search) -> list[str]:
     """What the search did not reach, and what the record does not show."""
     warnings = []
@@ -348,6 +359,7 @@ METHODS = (
         subtracts=True,
         least=LEAST_BESIDE_FILTERS,
         judges_reference=True,
+        skips_gaps=True,
         validity=Validity(closed={}, without_reference=POSITION),
         offer=Offer(
             "Refined instrumental variables",

@@ -45,7 +45,7 @@ def measure_strengths(point: Point) -> dict[str, float]:
     variances = np.diag(influence @ (instruments.T @ instruments) @ influence.T)
     shares = best / variances
     taps = count_taps(equations.records[0].rate)
-    samples = 2.0 * point.noise.size / equations.band.correlation
+    samples = 2.0 * equations.share * point.noise.size / equations.band.correlation
     ratios = shares / np.maximum(1.0 - shares, 1.0 / LARGEST_F)
     statistics = ratios * max(samples - taps, 0.0) / taps
     return dict(zip((*STIFFNESS, "G"), statistics.tolist(), strict=True))
