@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from ankleloop.checks.findings import Finding
-from ankleloop.joint.prepared import PreparedTrial, once
-from ankleloop.joint.regressors import Grid
+from ankleloop.joint.prepared import PreparedTrial
+from ankleloop.signals.gaps import find_runs, find_straight
 from ankleloop.trials.channels import VARIABLES
 from ankleloop.trials.trial import REQUIRED
 
@@ -23,16 +23,9 @@ LONG_REST_SHARE = 0.2  # of the record, in such stretches
 # Share of its range by which the channel moves that shows a rest of another one. A position that stands still while the
 # torque moves may be a perturbation that pauses.
 MOVEMENT_SHARES = {"position": 0.5, "torque": 0.5, "reference": 0.1}
-SHORTEST_GAP = 0.05  # s on an exactly straight line
-GAP_SHARE = 0.01  # of the record, in such lines
 LARGE_GAP_SHARE = 0.5
 GAPS = "gaps of the"  # begins the name of a finding
-# s before a gap and after it that its filling reaches: filters of the decimation, and the memory of a reflex. Chosen:
-# with 0.1 s after it G is off by 1 to 3 %, with 0.3 s by 1 % (12 records each, 29 % of them filled).
-GAP_LEAD, GAP_MEMORY = 0.03, 0.3
 STRAIGHT_SHARE = 0.9  # of the samples of gaps, in a reference that was filled as well
-GAP_SLOPE = 1e-3  # of the usual slope: less is none
-GAP_ROUNDING = 8.0 * np.finfo(float).eps  # of the largest value
 SPIKE_REACH = 0.003  # s on either side
 # Fewest and most parts of the record: a perturbation is in most of them, a spike is not.
 SPIKE_PARTS = (5, 10)
@@ -64,7 +57,7 @@ def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
     at_end = np.flatnonzero(x == end)
     if at_end.size < CLIPPED_RUN:
         return 0, 0
-    starts, lengths = _find_runs(at_end)
+    starts, lengths = find_runs(at_end)
     longest = np.argmax(lengths)
     if lengths[longest] < CLIPPED_RUN:
         return 0, 0
@@ -72,12 +65,6 @@ def _find_clipping(x: np.ndarray, end: float) -> tuple[int, int]:
     if at_end.size <= CLIPPED_EXCESS * np.mean(counts[1 : 1 + NEXT_VALUES]):
         return 0, 0
     return at_end.size, starts[longest]
-
-
-def _find_runs(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First sample and length of each run of consecutive samples."""
-    starts = np.flatnonzero(np.diff(samples, prepend=-2) != 1)
-    return samples[starts], np.diff(starts, append=samples.size)
 
 
 def check_rest(trial: PreparedTrial, name: str) -> Finding:
@@ -105,7 +92,7 @@ def _find_dead_rests(trial: PreparedTrial, name: str) -> np.ndarray:
     x = trial.samples[name]
     shortest = SHORTEST_REST * trial.rate - 1
     repeats = np.flatnonzero(x[1:] == x[:-1])
-    starts, lengths = _find_runs(repeats)
+    starts, lengths = find_runs(repeats)
     runs = np.stack([starts, starts + lengths + 1], axis=1)
     rests = runs[lengths >= shortest]
     witness = "reference" if "reference" in trial.trial else "torque"
@@ -127,7 +114,7 @@ def check_gaps(trial: PreparedTrial, name: str) -> Finding:
     What comes to rest by itself does so smoothly; a held value begins and ends with a break. Values that are held for a
     second are a matter of `check_rest`.
     """
-    gaps = find_gaps(trial, name)
+    gaps = trial.gaps(name)
     if not len(gaps):
         return Finding(f"{GAPS} {name}", "ok", "none was filled.")
     share = np.sum(np.diff(gaps)) / trial.time.size
@@ -140,62 +127,14 @@ def check_gaps(trial: PreparedTrial, name: str) -> Finding:
     return Finding(f"{GAPS} {name}", verdict, text)
 
 
-@once
-def find_gaps(trial: PreparedTrial, name: str) -> np.ndarray:
-    """First sample of each filled gap of a channel, and the sample after it; none where they are but few.
-
-    Shapes: returns (gaps, 2).
-    """
-    x = trial.samples[name]
-    starts, lengths = _find_filled_gaps(x, trial.rate)
-    gaps = np.stack([starts, starts + lengths + 2], axis=1)
-    return gaps if np.sum(np.diff(gaps)) >= GAP_SHARE * x.size else gaps[:0]
-
-
-@once
-def find_recorded(trial: PreparedTrial, grid: Grid) -> np.ndarray:
-    """Which decimated samples nothing reaches that filled a gap of position or torque, shape (N,)."""
-    time = trial.grid_times(grid)
-    recorded = np.ones(time.size, dtype=bool)
-    for name in REQUIRED:
-        for start, stop in find_gaps(trial, name):
-            first = np.searchsorted(time, trial.time[start] - GAP_LEAD)
-            last = np.searchsorted(time, trial.time[stop - 1] + GAP_MEMORY)
-            recorded[first:last] = False
-    return recorded
-
-
 def is_reference_filled(trial: PreparedTrial, reference: str) -> bool:
     """Whether a reference is straight wherever position or torque were filled."""
     if reference == "position":  # the loop is open, and there are no instruments
         return False
-    bends = np.abs(np.diff(trial.samples[reference], 2))
-    straight = bends <= GAP_ROUNDING * np.abs(trial.samples[reference]).max()
-    gaps = np.concatenate([find_gaps(trial, name) for name in REQUIRED])
-    inside = np.concatenate([straight[start : stop - 2] for start, stop in gaps] or [straight[:0]])
-    return inside.size > 0 and bool(np.mean(inside) > STRAIGHT_SHARE)
-
-
-def _find_filled_gaps(x: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """First sample and number of bends of each straight stretch that fills a gap."""
-    slopes = np.diff(x)
-    bends = np.abs(np.diff(slopes))
-    largest_rounding = GAP_ROUNDING * np.abs(x).max()
-    straight = np.flatnonzero(bends <= largest_rounding)
-    if straight.size < GAP_SHARE * x.size:
-        return straight[:0], straight[:0]
-    starts, lengths = _find_runs(straight)
-    heights = np.abs(slopes)
-    usual = np.sqrt(np.mean(slopes**2))
-    converter_step = heights[heights > largest_rounding].min(initial=np.inf)
-    bends_before = np.append(np.inf, bends)[starts]
-    bends_after = np.append(bends, 0.0)[starts + lengths]
-    begins = bends_before > GAP_SLOPE * usual
-    ends = bends_after > max(usual, 2.5 * converter_step)
-    is_line = heights[starts] > GAP_SLOPE * usual
-    is_held = ends & (lengths < SHORTEST_REST * rate - 1)
-    filled = (lengths >= SHORTEST_GAP * rate) & begins & (is_line | is_held)
-    return starts[filled], lengths[filled]
+    straight = find_straight(trial.samples[reference])
+    gaps = [gap for name in REQUIRED for gap in trial.gaps(name)]
+    inside = [straight[start : stop - 2] for start, stop in gaps]
+    return bool(gaps) and bool(np.mean(np.concatenate(inside)) > STRAIGHT_SHARE)
 
 
 def check_spikes(trial: PreparedTrial, name: str) -> Finding:

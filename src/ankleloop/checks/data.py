@@ -90,7 +90,7 @@ def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str
     """Findings about one trial that are not ok; each is computed once for all methods that take it."""
     grid = trial.grid(rate, delay)
     motion = motion_products(trial, grid)
-    findings = [*check_signals(trial, grid, delay), check_relation(trial, motion)]
+    findings = [*check_signals(trial, grid), check_relation(trial, motion)]
     for finding in findings:
         if finding.name == "scale" and finding.verdict != "ok":
             raise DataError(finding.text)
@@ -104,7 +104,7 @@ def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str
     return [finding for finding in (*findings, sign) if finding.verdict != "ok"]
 
 
-def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Finding]:
+def check_signals(trial: PreparedTrial, grid: Grid) -> list[Finding]:
     """Findings about position and torque of a trial, in an order that is that of every trial.
 
     `ankleloop_lab.recordings.checks.check_trial` shows all of them, an identification warns of those that are not ok.
@@ -112,7 +112,7 @@ def check_signals(trial: PreparedTrial, grid: Grid, delay: float) -> list[Findin
     motion = motion_products(trial, grid)
     return [
         *(check(trial, name) for check in CHANNEL_CHECKS for name in REQUIRED),
-        check_velocity(trial, delay),
+        check_velocity(trial),
         check_bandwidth(trial),
         check_scale(trial, motion),
         check_size(motion),

@@ -8,7 +8,6 @@ from math import inf
 
 import numpy as np
 
-from ankleloop.checks.channels import find_gaps
 from ankleloop.checks.findings import Finding
 from ankleloop.errors import DataError
 from ankleloop.joint.prepared import PreparedTrial, once
@@ -16,8 +15,9 @@ from ankleloop.joint.regressors import MOTION, Grid, Regressors
 from ankleloop.quantities import QUANTITIES, STIFFNESS
 from ankleloop.signals.decimation import PASSBAND
 from ankleloop.signals.least_squares import solve_scaled
+from ankleloop.signals.noise import NOISE_SHARE, describe_noise
 from ankleloop.signals.responses import ReferenceProjection, project_on_reference, unseen_share
-from ankleloop.signals.spectra import coherence, mean_power, segment_spectra
+from ankleloop.signals.spectra import mean_power, segment_spectra
 from ankleloop.subspace.hankel import hankel_gram
 from ankleloop.trials.channels import VARIABLES
 from ankleloop.trials.trial import REQUIRED
@@ -39,10 +39,6 @@ WEAK_LIMITS = (0.05, 0.15)
 STRONG_SHARE = 0.2
 REFERENCE_LEAD, REFERENCE_LAG = 0.02, 0.1  # s, of the single lags
 COPY_SHARE = 1e-6  # of a channel that its copy leaves
-NOISE_BAND = 45.0  # Hz
-NOISE_SHARE = 0.15  # of the velocity's power: from about there on the reflex gain is off by 15 %
-NOISE_SEGMENT = 0.5  # s
-NOISE_SEGMENTS = 30  # about: so many of them show the noise of a long record
 UNFILTERED_RATE = 1000.0  # Hz: at half of it nothing is left of a torque
 # Of the largest density, at the edge of the band: measured, 2.9e-4 or more where every fifth sample of 1 kHz is kept
 # (60 trials), 2.4e-5 of every second one; up to 6.2e-4 behind a filter at 200 Hz, which the slope tells apart.
@@ -170,34 +166,22 @@ def check_sign(trial: PreparedTrial, stiffness: np.ndarray) -> Finding:
     return Finding("sign of the torque", "ok", f"{text}: the torque opposes stretch.")
 
 
-@once
-def check_velocity(trial: PreparedTrial, delay: float) -> Finding:
-    """Noise of the position, which reaches the rectified velocity: power above the band that the torque does not share.
-
-    A movement of any frequency comes with the torque of the inertia; hum and noise of the position do not.
-    """
-    ok = Finding("velocity", "ok", "its power is that of a movement.")
-    if len(find_gaps(trial, "position")):  # the ends of a filled gap are steps
-        return Finding("velocity", "ok", "its noise is not judged beside gaps that were filled.")
-    velocity = trial.velocity(delay)
-    length = round(NOISE_SEGMENT * trial.rate)
-    if velocity.size < 10 * length or trial.rate < 2.5 * NOISE_BAND:
-        return ok
-    step = max(length // 2, velocity.size // NOISE_SEGMENTS)
-    spectra = segment_spectra([velocity], length, step)
-    torque_spectra = segment_spectra([trial.samples["torque"]], length, step)
-    power = mean_power(spectra)
-    noise = power * (1.0 - coherence(spectra, torque_spectra))
-    is_above = np.arange(power.size) * trial.rate / length > NOISE_BAND
-    share = np.sum(noise[is_above]) / np.sum(power)
-    if share < NOISE_SHARE:
-        return ok
-    text = (
-        f"{100 * share:.2g} % of the power of the velocity lie above {NOISE_BAND:g} Hz and have nothing to do with the "
-        "torque: noise or hum of the position. The reflex answers the velocity that is recorded, so G is too large. "
-        "Record the position with less noise, or filter it and all other channels alike."
+def check_velocity(trial: PreparedTrial) -> Finding:
+    """Noise of the position, which reaches the rectified velocity."""
+    noise = trial.velocity_noise
+    if noise is None:
+        return Finding("velocity", "ok", "its noise is not judged.")
+    if noise.share < NOISE_SHARE:
+        return Finding("velocity", "ok", "its power is that of a movement.")
+    text = describe_noise(noise)
+    if noise.dominates:
+        return Finding("velocity", "ok", f"{text}, which is left out of it.")
+    return Finding(
+        "velocity",
+        "warning",
+        f"{text}, beside movement. The reflex answers the velocity that is recorded, so G is too large. Record the "
+        "position with less noise, or filter it and all other channels alike.",
     )
-    return Finding("velocity", "warning", text)
 
 
 @once

@@ -11,6 +11,7 @@ import xarray as xr
 from pydantic import model_validator
 
 from ankleloop.checks.data import check_data, refuse_other_rates, refuse_repeated_trials
+from ankleloop.checks.findings import name_trial
 from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate, add_measured
@@ -20,6 +21,7 @@ from ankleloop.joint.verdicts import TOLERANCE
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import USUAL_RATE, usual_rate
+from ankleloop.signals.noise import describe_noise
 
 Trial = xr.Dataset | PreparedTrial
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
@@ -266,6 +268,7 @@ class Method:
         diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
         faults = _list_faults(estimate, self)
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
+        diagnostics["remarks"] = [*diagnostics.get("remarks", ()), *_list_noise(trials)]
         if data_warnings:
             diagnostics["data_warnings"] = data_warnings
         diagnostics["options"] = chosen.model_dump(exclude_defaults=True)
@@ -330,6 +333,16 @@ def _data_use(options: Any) -> dict[str, Any]:
     if "block_rows" in given:
         given.setdefault("order", (options.block_rows - 1) // 2)  # the largest that may be chosen
     return given
+
+
+def _list_noise(trials: Sequence[PreparedTrial]) -> list[str]:
+    """Remarks about noise of the position that is left out of the velocity."""
+    noises = [trial.velocity_noise for trial in trials]
+    return [
+        f"{name_trial(number, len(trials))}{describe_noise(noise)}, which is left out of it."
+        for number, noise in enumerate(noises, 1)
+        if noise and noise.dominates
+    ]
 
 
 def _list_faults(estimate: Estimate, method: Method) -> list[str]:

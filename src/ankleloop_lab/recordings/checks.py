@@ -158,8 +158,7 @@ def check_trial(trial: Trial | Sequence[Trial], **options: Any) -> Check:
             [length, Finding("signals", "refused", str(error), error.remedy)], "undecided", {}
         )
     signals = [
-        check_signals(part, record.grid, values.delay)
-        for part, record in zip(trials, records, strict=True)
+        check_signals(part, record.grid) for part, record in zip(trials, records, strict=True)
     ]
     strength, relation, *excitation = _check_instruments(trials, records, values)
     usable = strength.verdict == "ok"

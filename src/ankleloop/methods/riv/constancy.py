@@ -23,6 +23,10 @@ from ankleloop.signals.least_squares import solve_scaled
 
 NAMES = (*STIFFNESS, "G")
 NAMED = 3.0  # standard errors: a smaller deviation is not named
+UNLIKELY = 0.05  # probability of deviations that one factor leaves, if it were all
+LARGEST_CHANGE = (
+    1.0 / 3.0
+)  # of a joint of which a mean is given: it doubles from one half to the other
 LARGEST_RATIO = 10.0  # of two values: one over another that is nearly zero says nothing
 # Probability of deviations as large, if all trials had the same parameters: chosen. Measured: where K varies by 3 %
 # between four trials, intervals hold the mean over all such trials in 72 of 100.
@@ -33,6 +37,10 @@ LAG_ADVICE = (
 PART_ADVICE = (
     "if the joint did not change, look for a gain that did, or for samples that were lost; a joint that changes is for "
     "riv-tv over time"
+)
+GAIN_ADVICE = "a gain of position or torque that changes or drifts does that. Calibrate both sensors before and after a record"
+JOINT_ADVICE = (
+    "the values are means over the record; riv-tv estimates a joint that changes, over time"
 )
 TRIAL_ADVICE = "look at its channels, and leave it out if it is of another condition"
 
@@ -59,6 +67,7 @@ class Constancy:
     errors: dict[str, np.ndarray]  # their standard errors, shapes (parts,)
     scores: np.ndarray  # shape (parts,): normal scores of the deviations
     probability: float  # of deviations as large, if there were none
+    scatter: np.ndarray  # shape (4, 4): covariance of K, B, I and G of the whole
 
     @property
     def differs(self) -> bool:
@@ -71,6 +80,19 @@ class Constancy:
         count = self.shares.size
         weighted = self.influence * self.shares
         return count / (count - 1.0) * weighted @ weighted.T
+
+
+class Factor(NamedTuple):
+    """A factor by which all parameters of the second part of a record differ from the whole."""
+
+    excess: float  # over 1
+    score: float  # over its standard error
+    probability: float  # of what it leaves of the deviations, if it were all
+
+    @property
+    def is_gain(self) -> bool:
+        """Whether it is there, and nothing else."""
+        return abs(self.score) > SIGNIFICANT and self.probability > UNLIKELY
 
 
 class Lags(NamedTuple):
@@ -144,6 +166,7 @@ def compare_parts(
         errors=dict(zip(NAMES, errors, strict=True)),
         scores=np.array(scores),
         probability=float(special.chdtrc(freedom, shares @ squares)),
+        scatter=scatter,
     )
 
 
@@ -197,26 +220,75 @@ def describe_changes(
     # Of parts that differ beyond doubt, and of others.
     tolerances = np.where(constancy.scores > CERTAIN, tolerance, 2.0 * tolerance)
     changes = np.flatnonzero(shown & (shifts > tolerances))
-    is_small = not changes.size
-    if is_small and (constancy.merged or not np.any(shown & (shifts > SMALLEST_SHIFT))):
-        return {}
-    lags = None if find_lags is None else find_lags()
     if constancy.merged:
-        return {
-            "warnings": [
-                _describe_trial(constancy, values, lags, number) for number in changes.tolist()
-            ]
-        }
-    return {"remarks" if is_small else "warnings": [_describe_part(constancy, values, lags, place)]}
-
-
-def _describe_part(
-    constancy: Constancy, values: Mapping[str, float], lags: Lags | None, place: Place
-) -> str:
-    """Warning about the second part of a record."""
+        lags = find_lags() if find_lags and changes.size else None
+        texts = [_describe_trial(constancy, values, lags, number) for number in changes.tolist()]
+        return {"warnings": texts} if texts else {}
+    factor = measure_factor(constancy, values)
+    if factor.is_gain:
+        # The ends of a drift lie twice as far from the whole as the means of its halves.
+        kind = "warnings" if 2.0 * abs(factor.excess) > tolerance else "remarks"
+        return {kind: [_describe_gain(factor, values, place)]}
+    if not np.any(shown & (shifts > SMALLEST_SHIFT)):
+        return {}
+    lags = find_lags() if find_lags else None
     if lags is not None and np.abs(lags.scores).max() > SIGNIFICANT:
         before, after = lags.values
-        return f"{place.part} {_describe_lag(after - before)}: {LAG_ADVICE}."
+        text = f"{place.part} {_describe_lag(after - before)}: {LAG_ADVICE}."
+    else:
+        is_joint = (
+            shifts[1] < LARGEST_CHANGE
+            and factor.probability < UNLIKELY
+            and _has_constant_body(constancy, values)
+        )
+        advice = JOINT_ADVICE if is_joint else PART_ADVICE
+        text = f"{_describe_part(constancy, values, place)}: {advice}."
+        if is_joint:
+            return {"remarks": [text]}
+    return {"warnings" if changes.size else "remarks": [text]}
+
+
+def measure_factor(constancy: Constancy, values: Mapping[str, float]) -> Factor:
+    """The factor that explains most of how the second part of a record deviates."""
+    names = [name for name in NAMES if name in values]
+    places = [NAMES.index(name) for name in names]
+    covariance = constancy.scatter[np.ix_(places, places)] * (1.0 / constancy.shares[1] - 1.0)
+    deviations = np.array([constancy.deviations[name][1] for name in names])
+    direction = np.array([values[name] for name in names])
+    weighted = solve_scaled(covariance, direction)
+    information = weighted @ direction
+    excess = weighted @ deviations / information
+    rest = deviations - excess * direction
+    square = rest @ solve_scaled(covariance, rest)
+    return Factor(
+        excess=float(excess),
+        score=float(excess * np.sqrt(information)),
+        probability=float(special.chdtrc(len(names) - 1, square)) if len(names) > 1 else 0.0,
+    )
+
+
+def _has_constant_body(constancy: Constancy, values: Mapping[str, float]) -> bool:
+    """Whether B and I are the same in both parts, as they are where a joint changes."""
+    if not {"B", "I"} <= values.keys():
+        return False
+    places = [NAMES.index(name) for name in ("B", "I")]
+    covariance = constancy.scatter[np.ix_(places, places)] * (1.0 / constancy.shares[1] - 1.0)
+    deviations = np.array([constancy.deviations[name][1] for name in ("B", "I")])
+    return abs(normal_score(deviations, covariance)) < NAMED
+
+
+def _describe_gain(factor: Factor, values: Mapping[str, float], place: Place) -> str:
+    """What a gain that changes makes of all parameters."""
+    *first, last = [name for name in NAMES if name in values]
+    ratio = (1.0 + factor.excess) / (1.0 - factor.excess)
+    names = f"{', '.join(first)} and {last}"
+    return (
+        f"{place.part} {names} are {ratio:.3g} times what they were {place.other}: {GAIN_ADVICE}."
+    )
+
+
+def _describe_part(constancy: Constancy, values: Mapping[str, float], place: Place) -> str:
+    """How the second part of a record differs from the first."""
     ratios = []
     differences = []
     for name in _select_named(constancy, values, 1):
@@ -226,7 +298,7 @@ def _describe_part(
         else:
             differences.append(_describe_difference(name, second - first))
     changes = [f"{', '.join(ratios)} what it was {place.other}"] if ratios else []
-    return f"{place.part} {', '.join(changes + differences)}: {PART_ADVICE}."
+    return f"{place.part} {', '.join(changes + differences)}"
 
 
 def _describe_trial(

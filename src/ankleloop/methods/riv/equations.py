@@ -15,7 +15,6 @@ from math import inf
 import numpy as np
 from scipy import special
 
-from ankleloop.checks.channels import find_recorded
 from ankleloop.errors import DataError
 from ankleloop.joint.dynamics import GRIDS, ReflexDynamics
 from ankleloop.joint.hammerstein import ReflexPath
@@ -294,10 +293,7 @@ class Equations:
         self.delay = records[0].delay  # of the inputs [s]
         # Shape (samples,): which of them no filled gap reaches, and their share.
         self.recorded = _join(
-            [
-                find_recorded(trial, record.grid)
-                for trial, record in zip(trials, records, strict=True)
-            ]
+            [trial.recorded(record.grid) for trial, record in zip(trials, records, strict=True)]
         )
         self.share = float(self.recorded.mean())
         if self.share < LEAST_RECORDED:

@@ -8,14 +8,13 @@ from functools import partial
 from math import inf
 from typing import Any, Literal
 
-from ankleloop.checks.channels import GAP_MEMORY
 from ankleloop.checks.reference import find_reference_fault
 from ankleloop.errors import DataError
 from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import NO_REFLEX
 from ankleloop.joint.intervals import Uncertainty
 from ankleloop.joint.models import ModelInputs, PhysicalModel
-from ankleloop.joint.prepared import PreparedTrial, make_regressors
+from ankleloop.joint.prepared import GAP_MEMORY, PreparedTrial, make_regressors
 from ankleloop.joint.regressors import MOTION, merge_torques
 from ankleloop.methods.method import (
     NOMINAL_DELAY,
