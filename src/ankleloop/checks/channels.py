@@ -147,6 +147,8 @@ def check_spikes(trial: PreparedTrial, name: str) -> Finding:
     reach = max(1, round(SPIKE_REACH * trial.rate))
     here = x[reach:-reach]
     products = (here - x[: -2 * reach]) * (here - x[2 * reach :])  # positive at a peak
+    for start, stop in trial.gaps(name):  # steps at the ends of what was filled
+        products[max(0, start - 2 * reach) : stop] = 0.0
     count = int(np.clip(x.size / trial.rate, *SPIKE_PARTS))
     peaks = np.array([part.max(initial=0.0) for part in np.array_split(products, count)])
     height = np.sqrt(peaks.max())

@@ -25,7 +25,8 @@ def find_straight(x: np.ndarray) -> np.ndarray:
 def find_filled_gaps(x: np.ndarray, rate: float) -> np.ndarray:
     """First sample of each gap that was filled, and the sample after it; none where they are but few.
 
-    What comes to rest by itself does so smoothly; a held value begins and ends with a break.
+    What comes to rest by itself does so smoothly; a held value begins and ends with a break. Where such gaps are, every
+    straight stretch counts.
 
     Shapes: x (N,); returns (gaps, 2).
     """
@@ -45,6 +46,9 @@ def find_filled_gaps(x: np.ndarray, rate: float) -> np.ndarray:
     ends = bends_after > max(usual, 2.5 * converter_step)
     is_line = heights[starts] > GAP_SLOPE * usual
     is_held = ends & (lengths < LONGEST_GAP * rate - 1)
-    filled = (lengths >= SHORTEST_GAP * rate) & begins & (is_line | is_held)
-    gaps = np.stack([starts, starts + lengths + 2], axis=1)[filled]
-    return gaps if np.sum(np.diff(gaps)) >= GAP_SHARE * x.size else none
+    long = lengths >= SHORTEST_GAP * rate
+    certain = long & begins & (is_line | is_held)
+    if np.sum(lengths[certain] + 2) < GAP_SHARE * x.size:
+        return none
+    # A gap that was filled by what came after it anyway has no break at its end.
+    return np.stack([starts, starts + lengths + 2], axis=1)[long]

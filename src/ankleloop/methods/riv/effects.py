@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-REACTION_LATENCIES = (0.1, 0.14, 0.18, 0.24)  # s
+REACTION_LATENCIES = (0.12, 0.16, 0.2, 0.25)  # s
 REACTION_LAG = 0.03  # s, time constant of the muscle
 THRESHOLD_SHARE = 0.5  # of the standard deviation of the velocity: the threshold for which its derivative is taken
 
