@@ -129,12 +129,13 @@ def check_gaps(trial: PreparedTrial, name: str) -> Finding:
 
 def is_reference_filled(trial: PreparedTrial, reference: str) -> bool:
     """Whether a reference is straight wherever position or torque were filled."""
-    if reference == "position":  # the loop is open, and there are no instruments
+    gaps = [gap for name in REQUIRED for gap in trial.gaps(name)]
+    # In open loop there are no instruments; a method refuses a reference that is not there.
+    if not gaps or reference == "position" or reference not in trial.samples:
         return False
     straight = find_straight(trial.samples[reference])
-    gaps = [gap for name in REQUIRED for gap in trial.gaps(name)]
-    inside = [straight[start : stop - 2] for start, stop in gaps]
-    return bool(gaps) and bool(np.mean(np.concatenate(inside)) > STRAIGHT_SHARE)
+    inside = np.concatenate([straight[start : stop - 2] for start, stop in gaps])
+    return bool(np.mean(inside) > STRAIGHT_SHARE)
 
 
 def check_spikes(trial: PreparedTrial, name: str) -> Finding:

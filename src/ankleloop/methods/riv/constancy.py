@@ -38,7 +38,10 @@ PART_ADVICE = (
     "if the joint did not change, look for a gain that did, or for samples that were lost; a joint that changes is for "
     "riv-tv over time"
 )
-GAIN_ADVICE = "a gain of position or torque that changes or drifts does that. Calibrate both sensors before and after a record"
+GAIN_ADVICE = (
+    "a gain of position or torque that changes or drifts does that. Calibrate both sensors before "
+    "and after a record"
+)
 JOINT_ADVICE = (
     "the values are means over the record; riv-tv estimates a joint that changes, over time"
 )

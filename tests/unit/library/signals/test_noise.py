@@ -6,19 +6,20 @@ import pytest
 from ankleloop.signals.noise import measure_velocity_noise, remove_noise
 
 TIME = np.arange(20_000) / 1000.0
+INSIDE = slice(500, -500)
 
 
 @pytest.mark.parametrize("frequency", [1.0, 10.0, 30.0])
 def test_a_movement_passes(frequency):
     movement = np.sin(2.0 * np.pi * frequency * TIME)
-    np.testing.assert_allclose(remove_noise(movement, 1000.0), movement, atol=2e-3)
+    passed = remove_noise(movement, 1000.0)
+    np.testing.assert_allclose(passed[INSIDE], movement[INSIDE], atol=1e-3)
 
 
 @pytest.mark.parametrize("frequency", [50.0, 60.0, 180.0])
 def test_hum_does_not(frequency):
     hum = np.sin(2.0 * np.pi * frequency * TIME)
-    inside = slice(500, -500)
-    assert np.abs(remove_noise(hum, 1000.0)[inside]).max() < 1e-3
+    assert np.abs(remove_noise(hum, 1000.0)[INSIDE]).max() < 1e-3
 
 
 def test_the_share_of_hum_is_that_of_its_power():
