@@ -6,6 +6,7 @@ is no warning (a remark is none).
 """
 
 import argparse
+import itertools
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
@@ -144,9 +145,7 @@ def list_cases():
         ],
         "rigs": [
             (f"{joint}, {rig}", partial(make_rig_trial, joint, rig, SEED + 3000 + number))
-            for number in range(12)
-            for joint in JOINTS
-            for rig in RIGS
+            for number, (_, joint, rig) in enumerate(itertools.product(range(12), JOINTS, RIGS))
         ],
         "loud": [("loud", partial(make_loud_trial, SEED + 4000 + number)) for number in range(400)],
     }

@@ -46,7 +46,8 @@ def find_filled_gaps(x: np.ndarray, rate: float) -> np.ndarray:
     ends = bends_after > max(usual, 2.5 * converter_step)
     is_line = heights[starts] > GAP_SLOPE * usual
     is_held = ends & (lengths < LONGEST_GAP * rate - 1)
-    long = lengths >= SHORTEST_GAP * rate
+    clipped = np.isin(x[starts], (x.min(), x.max()))
+    long = (lengths >= SHORTEST_GAP * rate) & ~clipped
     certain = long & begins & (is_line | is_held)
     if np.sum(lengths[certain] + 2) < GAP_SHARE * x.size:
         return none
