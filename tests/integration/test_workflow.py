@@ -159,7 +159,7 @@ def test_a_reworded_claim_makes_the_article_alone_also_in_a_copy_in_another_fold
     )
 
 
-@pytest.mark.parametrize("name", ["table1", "figure4", "comparison", "article"])
+@pytest.mark.parametrize("name", ["figure4", "article"])
 def test_a_notebook_runs_with_its_defaults_where_the_paper_was_reproduced(reproduction, name):
     """As who opens it in Jupyter does; the results stay those of the run."""
     path = reproduction / "notebooks" / f"{name}.ipynb"
