@@ -15,13 +15,14 @@ from ankleloop.checks.findings import name_trial
 from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES
 from ankleloop.joint.estimate import Estimate, add_measured
-from ankleloop.joint.prepared import PreparedTrial, prepare_trials
+from ankleloop.joint.prepared import GAP_MEMORY, PreparedTrial, prepare_trials
 from ankleloop.joint.regressors import MEASURED, filtered_duration
 from ankleloop.joint.verdicts import TOLERANCE
 from ankleloop.options import Options, option
 from ankleloop.quantities import QUANTITIES
 from ankleloop.signals.decimation import USUAL_RATE, usual_rate
 from ankleloop.signals.noise import describe_noise
+from ankleloop.trials.trial import REQUIRED
 
 Trial = xr.Dataset | PreparedTrial
 NOMINAL_DELAY = 0.04  # s, where the delay is estimated
@@ -268,7 +269,8 @@ class Method:
         diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
         faults = _list_faults(estimate, self)
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
-        diagnostics["remarks"] = [*diagnostics.get("remarks", ()), *_list_noise(trials)]
+        omitted = _list_omitted(trials, skips_gaps=self.skips_gaps)
+        diagnostics["remarks"] = [*diagnostics.get("remarks", ()), *omitted]
         if data_warnings:
             diagnostics["data_warnings"] = data_warnings
         diagnostics["options"] = chosen.model_dump(exclude_defaults=True)
@@ -335,14 +337,23 @@ def _data_use(options: Any) -> dict[str, Any]:
     return given
 
 
-def _list_noise(trials: Sequence[PreparedTrial]) -> list[str]:
-    """Remarks about noise of the position that is left out of the velocity."""
-    noises = [trial.velocity_noise for trial in trials]
-    return [
-        f"{name_trial(number, len(trials))}{describe_noise(noise)}, which is left out of it."
-        for number, noise in enumerate(noises, 1)
-        if noise and noise.dominates
-    ]
+def _list_omitted(trials: Sequence[PreparedTrial], *, skips_gaps: bool) -> list[str]:
+    """Remarks about noise and filled gaps that are left out."""
+    remarks = []
+    for number, trial in enumerate(trials, 1):
+        place = name_trial(number, len(trials))
+        noise = trial.velocity_noise
+        if noise and noise.dominates:
+            remarks.append(f"{place}{describe_noise(noise)}, which is left out of it.")
+        gaps = [
+            f"{len(trial.gaps(name))} of the {name}" for name in REQUIRED if len(trial.gaps(name))
+        ]
+        if gaps and skips_gaps:
+            remarks.append(
+                f"{place}gaps were filled by the last value or a line, {' and '.join(gaps)}: they are left out, with "
+                f"{GAP_MEMORY:g} s after each."
+            )
+    return remarks
 
 
 def _list_faults(estimate: Estimate, method: Method) -> list[str]:

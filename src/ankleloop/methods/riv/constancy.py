@@ -24,9 +24,8 @@ from ankleloop.signals.least_squares import solve_scaled
 NAMES = (*STIFFNESS, "G")
 NAMED = 3.0  # standard errors: a smaller deviation is not named
 UNLIKELY = 0.05  # probability of deviations that one factor leaves, if it were all
-LARGEST_CHANGE = (
-    1.0 / 3.0
-)  # of a joint of which a mean is given: it doubles from one half to the other
+# Of a joint of which a mean is given: it doubles from one half to the other.
+LARGEST_CHANGE = 1.0 / 3.0
 LARGEST_RATIO = 10.0  # of two values: one over another that is nearly zero says nothing
 # Probability of deviations as large, if all trials had the same parameters: chosen. Measured: where K varies by 3 %
 # between four trials, intervals hold the mean over all such trials in 72 of 100.
@@ -83,6 +82,15 @@ class Constancy:
         count = self.shares.size
         weighted = self.influence * self.shares
         return count / (count - 1.0) * weighted @ weighted.T
+
+    def compare_second(self, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Deviations of some parameters of the second of two parts, and their covariance.
+
+        Shapes: returns (names,), (names, names).
+        """
+        places = [NAMES.index(name) for name in names]
+        covariance = self.scatter[np.ix_(places, places)] * (1.0 / self.shares[1] - 1.0)
+        return np.array([self.deviations[name][1] for name in names]), covariance
 
 
 class Factor(NamedTuple):
@@ -254,9 +262,7 @@ def describe_changes(
 def measure_factor(constancy: Constancy, values: Mapping[str, float]) -> Factor:
     """The factor that explains most of how the second part of a record deviates."""
     names = [name for name in NAMES if name in values]
-    places = [NAMES.index(name) for name in names]
-    covariance = constancy.scatter[np.ix_(places, places)] * (1.0 / constancy.shares[1] - 1.0)
-    deviations = np.array([constancy.deviations[name][1] for name in names])
+    deviations, covariance = constancy.compare_second(names)
     direction = np.array([values[name] for name in names])
     weighted = solve_scaled(covariance, direction)
     information = weighted @ direction
@@ -274,10 +280,7 @@ def _has_constant_body(constancy: Constancy, values: Mapping[str, float]) -> boo
     """Whether B and I are the same in both parts, as they are where a joint changes."""
     if not {"B", "I"} <= values.keys():
         return False
-    places = [NAMES.index(name) for name in ("B", "I")]
-    covariance = constancy.scatter[np.ix_(places, places)] * (1.0 / constancy.shares[1] - 1.0)
-    deviations = np.array([constancy.deviations[name][1] for name in ("B", "I")])
-    return abs(normal_score(deviations, covariance)) < NAMED
+    return abs(normal_score(*constancy.compare_second(("B", "I")))) < NAMED
 
 
 def _describe_gain(factor: Factor, values: Mapping[str, float], place: Place) -> str:

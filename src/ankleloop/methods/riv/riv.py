@@ -14,7 +14,7 @@ from ankleloop.joint.estimate import Estimate
 from ankleloop.joint.hammerstein import NO_REFLEX
 from ankleloop.joint.intervals import Uncertainty
 from ankleloop.joint.models import ModelInputs, PhysicalModel
-from ankleloop.joint.prepared import GAP_MEMORY, PreparedTrial, make_regressors
+from ankleloop.joint.prepared import PreparedTrial, make_regressors
 from ankleloop.joint.regressors import MOTION, merge_torques
 from ankleloop.methods.method import (
     NOMINAL_DELAY,
@@ -93,6 +93,8 @@ def identify_riv(trials: Sequence[PreparedTrial], options: RivOptions) -> Estima
     Intervals are for the parameters that the same model would have on an infinitely long record. Where the residual
     depends on the movement, the model is incomplete and asymptotic intervals do not hold: they are then robust
     (`ankleloop.methods.riv.covariance.robust_covariance`). There are none if the search has not converged.
+
+    Samples that a filled gap of position or torque reaches are left out of the equations.
 
     Of several trials these intervals are for the mean over these trials. Those "between trials", from their scatter,
     are for the mean over all trials that there could be of such a condition. By default they are taken where a test at
@@ -292,7 +294,7 @@ def _estimate(
             "missing": missing,
             "incomplete": incomplete,
             "warnings": [*_warnings(solution), *changes.get("warnings", ())],
-            "remarks": [*_describe_gaps(equations), *changes.get("remarks", ())],
+            "remarks": changes.get("remarks", []),
         },
         predictor=model,
     )
@@ -323,16 +325,6 @@ def _quantify(
         covariance = covariance + shared
         apparatus = carried.diagnostics(Uncertainty.of(values, solution.rows, shared))
     return kind, Uncertainty.of(values, solution.rows, covariance, freedom), apparatus
-
-
-def _describe_gaps(equations: Equations) -> list[str]:
-    """Remark about what is left out."""
-    if equations.share == 1.0:
-        return []
-    return [
-        f"gaps of position or torque were filled by the last value or a line: {100 - 100 * equations.share:.2g} % of "
-        f"the samples, with {GAP_MEMORY:g} s after each gap, are left out."
-    ]
 
 
 def _warnings(solution: Search) -> list[str]:
