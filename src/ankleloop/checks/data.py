@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ankleloop.checks.channels import CHANNEL_CHECKS, GAPS, is_reference_filled
+from ankleloop.checks.channels import CHANNEL_CHECKS, GAPS, check_gaps, is_reference_filled
 from ankleloop.checks.findings import Finding, name_trial
 from ankleloop.checks.movement import (
     COPY_SHARE,
@@ -38,7 +38,6 @@ def check_data(
     reference: str | None,
     *,
     judged: bool = False,
-    skips_gaps: bool = False,
     delay: float = 0.04,
     identification_rate: float = 100.0,
     order: int = 2,
@@ -48,8 +47,9 @@ def check_data(
 
     `reference` is the variable whose leads or lags are instruments, `order` and `block_rows` are those for which the
     movement has to be persistently exciting; None for a method that has none. `judged` is whether the method itself
-    refuses a reference that is too weak and a torque that does not answer it: then both are left to it. `skips_gaps`
-    is whether it leaves filled gaps out, which is enough unless the reference was filled, too.
+    refuses a reference that is too weak and a torque that does not answer it: then both are left to it.
+
+    Filled gaps concern all methods alike where the reference was filled as well; else some leave them out.
 
     The checks are: scale, clipping, stretches at rest, filled gaps and spikes of position and torque; noise of the
     velocity and bandwidth of the torque; whether the torque has to do with the movement, and opposes it; whether the
@@ -65,7 +65,7 @@ def check_data(
         ]
         if judged:
             findings = [finding for finding in findings if finding and finding.name != "relation"]
-        if skips_gaps and not is_reference_filled(trial, reference or "position"):
+        if not is_reference_filled(trial, reference or "position"):
             findings = [
                 finding for finding in findings if finding and not finding.name.startswith(GAPS)
             ]
@@ -83,6 +83,16 @@ def check_data(
     # A movement of few frequencies says little about more than a few block rows.
     tolerated = ("ok",) if block_rows else ("ok", "warning")
     return [] if excitation.verdict in tolerated else [excitation.text]
+
+
+def list_gaps(trials: Sequence[PreparedTrial]) -> list[str]:
+    """Warnings about filled gaps of position and torque, for methods that mix them with the joint."""
+    warnings = []
+    for number, trial in enumerate(trials, 1):
+        findings = [check_gaps(trial, name) for name in REQUIRED]
+        place = name_trial(number, len(trials))
+        warnings += [f"{place}{finding.text}" for finding in findings if finding.verdict != "ok"]
+    return warnings
 
 
 @once

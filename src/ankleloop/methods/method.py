@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple, Self
 import xarray as xr
 from pydantic import model_validator
 
-from ankleloop.checks.data import check_data, refuse_other_rates, refuse_repeated_trials
+from ankleloop.checks.data import check_data, list_gaps, refuse_other_rates, refuse_repeated_trials
 from ankleloop.checks.findings import name_trial
 from ankleloop.errors import DataError
 from ankleloop.joint.bases import BASES
@@ -170,9 +170,7 @@ def check_records(method: Method, trials: Sequence[PreparedTrial], options: Any)
         _check_lengths(method, trials, options)
     reference = method.reference(options)
     judged = method.judges_reference and reference not in (None, "position")
-    return check_data(
-        trials, reference, judged=judged, skips_gaps=method.skips_gaps, **_data_use(options)
-    )
+    return check_data(trials, reference, judged=judged, **_data_use(options))
 
 
 def _check_lengths(method: Method, trials: Sequence[PreparedTrial], options: Any) -> None:
@@ -268,6 +266,8 @@ class Method:
         assumptions = _list_assumptions(chosen, self.reference(chosen))
         diagnostics["assumptions"] = [*diagnostics.get("assumptions", ()), *assumptions]
         faults = _list_faults(estimate, self)
+        if self.takes_records and not self.skips_gaps:
+            faults += [text for text in list_gaps(trials) if text not in data_warnings]
         diagnostics["warnings"] = [*diagnostics.get("warnings", ()), *faults, *data_warnings]
         omitted = _list_omitted(trials, skips_gaps=self.skips_gaps)
         diagnostics["remarks"] = [*diagnostics.get("remarks", ()), *omitted]

@@ -83,7 +83,8 @@ def test_a_reference_that_was_filled_as_well_is_a_warning(trial):
 def test_other_methods_warn(trial, method):
     options = {"cycle_onsets": np.arange(0.0, 48.0)} if method == "riv-tv" else {}
     estimate = identify(fill(trial, ("position",)), method, **options)
-    assert "Take riv, which leaves them out" in " ".join(estimate.warnings)
+    assert "Take riv, which leaves them out" in " ".join(estimate.fit_warnings)
+    assert not estimate.trusted
 
 
 def test_a_record_of_gaps_alone_is_refused(trial):
