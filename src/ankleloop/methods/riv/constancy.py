@@ -26,6 +26,7 @@ NAMED = 3.0  # standard errors: a smaller deviation is not named
 UNLIKELY = 0.05  # probability of deviations that one factor leaves, if it were all
 # Of a joint of which a mean is given: it doubles from one half to the other.
 LARGEST_CHANGE = 1.0 / 3.0
+LEAST_SHARE = 1e-3  # of a part of which nothing was recorded
 LARGEST_RATIO = 10.0  # of two values: one over another that is nearly zero says nothing
 # Probability of deviations as large, if all trials had the same parameters: chosen. Measured: where K varies by 3 %
 # between four trials, intervals hold the mean over all such trials in 72 of 100.
@@ -93,17 +94,23 @@ class Constancy:
         return np.array([self.deviations[name][1] for name in names]), covariance
 
 
-class Factor(NamedTuple):
-    """A factor by which all parameters of the second part of a record differ from the whole."""
+class Factors(NamedTuple):
+    """Factors by which all parameters of two parts of a record differ from the whole."""
 
-    excess: float  # over 1
-    score: float  # over its standard error
+    before: float
+    after: float
+    score: float  # of their difference over its standard error
     probability: float  # of what it leaves of the deviations, if it were all
 
     @property
     def is_gain(self) -> bool:
-        """Whether it is there, and nothing else."""
+        """Whether they are there, and nothing else."""
         return abs(self.score) > SIGNIFICANT and self.probability > UNLIKELY
+
+    @property
+    def shift(self) -> float:
+        """How far the ends of a drift lie from the whole: twice as far as the means of its halves."""
+        return 2.0 * max(abs(self.before - 1.0), abs(self.after - 1.0))
 
 
 class Lags(NamedTuple):
@@ -121,22 +128,27 @@ def check_intervals(kind: str | None, trials: Sequence[Any]) -> None:
         )
 
 
-def _sum_parts(contributions: np.ndarray, sizes: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+def _sum_parts(
+    contributions: np.ndarray, sizes: Sequence[int], recorded: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Sums of what samples contribute over parts: trials of so many samples, or the halves of a single one; and shares.
 
-    Shapes: contributions (rows, samples); returns (rows, parts), (parts,).
+    Shapes: contributions (rows, samples), recorded (samples,); returns (rows, parts), (parts,).
     """
     parts = list(sizes)
     if len(parts) == 1:
         half = parts[0] // 2
         parts = [half, parts[0] - half]
     starts = np.cumsum([0, *parts[:-1]])
-    return np.add.reduceat(contributions, starts, axis=1), np.array(parts) / sum(parts)
+    counts = np.add.reduceat(recorded.astype(float), starts)
+    shares = np.maximum(counts / counts.sum(), LEAST_SHARE)
+    return np.add.reduceat(contributions, starts, axis=1), shares / shares.sum()
 
 
 def compare_parts(
     contributions: np.ndarray,
     sizes: Sequence[int],
+    recorded: np.ndarray,
     normal: np.ndarray,
     covariance: np.ndarray,
     rows: Mapping[str, np.ndarray],
@@ -151,12 +163,12 @@ def compare_parts(
     from those of the whole, H being the slope of the equations. With the covariance C of the whole, that of δ is
     C (1/w - 1).
 
-    `sizes` are the samples of each trial.
+    `sizes` are the samples of each trial, and `recorded` says which of them count.
 
-    Shapes: contributions (unknowns, samples), normal, covariance (unknowns, unknowns), rows (unknowns,), of K, B,
-    I and G.
+    Shapes: contributions (unknowns, samples), recorded (samples,), normal, covariance (unknowns, unknowns), rows
+    (unknowns,), of K, B, I and G.
     """
-    sums, shares = _sum_parts(contributions, sizes)
+    sums, shares = _sum_parts(contributions, sizes, recorded)
     influence = solve_scaled(normal, sums - np.outer(sums.sum(axis=1), shares)) / shares
     matrix = np.array([rows[name] for name in NAMES])
     deviations = matrix @ influence
@@ -187,11 +199,15 @@ def measure_constancy(solution: Search, place: Place = AFTER) -> Constancy:
     free = solution.free
     band = point.equations.band
     contributions = band.contributions(point.instruments[free] / point.level, point.residual)
+    recorded = point.equations.recorded
     if place == MIDDLE:
-        contributions = np.roll(contributions, contributions.shape[1] // 4, axis=1)
+        quarter = recorded.size // 4
+        contributions = np.roll(contributions, quarter, axis=1)
+        recorded = np.roll(recorded, quarter)
     return compare_parts(
         contributions=contributions,
         sizes=[part.samples for part in band.parts],
+        recorded=recorded,
         normal=point.normal[np.ix_(free, free)],
         covariance=solution.covariance,
         rows=solution.rows,
@@ -206,7 +222,8 @@ def measure_lags(solution: Search) -> Lags:
     step = find_steps(groups, solution, point.equations)["torque_lag"]
     instruments = np.vstack([point.instruments[solution.free], step.instruments])
     contributions = band.contributions(instruments / point.level, point.residual)
-    sums, shares = _sum_parts(contributions, [part.samples for part in band.parts])
+    sizes = [part.samples for part in band.parts]
+    sums, shares = _sum_parts(contributions, sizes, point.equations.recorded)
     lags = step.rows[0] @ sums / shares
     deviations = lags - shares @ lags
     errors = np.sqrt(step.covariance.item() * (1.0 / shares - 1.0))
@@ -235,11 +252,10 @@ def describe_changes(
         lags = find_lags() if find_lags and changes.size else None
         texts = [_describe_trial(constancy, values, lags, number) for number in changes.tolist()]
         return {"warnings": texts} if texts else {}
-    factor = measure_factor(constancy, values)
-    if factor.is_gain:
-        # The ends of a drift lie twice as far from the whole as the means of its halves.
-        kind = "warnings" if 2.0 * abs(factor.excess) > tolerance else "remarks"
-        return {kind: [_describe_gain(factor, values, place)]}
+    factors = measure_factors(constancy, values)
+    if factors.is_gain:
+        kind = "warnings" if factors.shift > tolerance else "remarks"
+        return {kind: [_describe_gain(factors, values, place)]}
     if not np.any(shown & (shifts > SMALLEST_SHIFT)):
         return {}
     lags = find_lags() if find_lags else None
@@ -249,7 +265,7 @@ def describe_changes(
     else:
         is_joint = (
             shifts[1] < LARGEST_CHANGE
-            and factor.probability < UNLIKELY
+            and factors.probability < UNLIKELY
             and _has_constant_body(constancy, values)
         )
         advice = JOINT_ADVICE if is_joint else PART_ADVICE
@@ -259,8 +275,8 @@ def describe_changes(
     return {"warnings" if changes.size else "remarks": [text]}
 
 
-def measure_factor(constancy: Constancy, values: Mapping[str, float]) -> Factor:
-    """The factor that explains most of how the second part of a record deviates."""
+def measure_factors(constancy: Constancy, values: Mapping[str, float]) -> Factors:
+    """The factors that explain most of how two parts of a record deviate."""
     names = [name for name in NAMES if name in values]
     deviations, covariance = constancy.compare_second(names)
     direction = np.array([values[name] for name in names])
@@ -269,8 +285,10 @@ def measure_factor(constancy: Constancy, values: Mapping[str, float]) -> Factor:
     excess = weighted @ deviations / information
     rest = deviations - excess * direction
     square = rest @ solve_scaled(covariance, rest)
-    return Factor(
-        excess=float(excess),
+    first, second = constancy.shares
+    return Factors(
+        before=float(1.0 - excess * second / first),
+        after=float(1.0 + excess),
         score=float(excess * np.sqrt(information)),
         probability=float(special.chdtrc(len(names) - 1, square)) if len(names) > 1 else 0.0,
     )
@@ -283,11 +301,11 @@ def _has_constant_body(constancy: Constancy, values: Mapping[str, float]) -> boo
     return abs(normal_score(*constancy.compare_second(("B", "I")))) < NAMED
 
 
-def _describe_gain(factor: Factor, values: Mapping[str, float], place: Place) -> str:
+def _describe_gain(factors: Factors, values: Mapping[str, float], place: Place) -> str:
     """What a gain that changes makes of all parameters."""
     *first, last = [name for name in NAMES if name in values]
-    ratio = (1.0 + factor.excess) / (1.0 - factor.excess)
     names = f"{', '.join(first)} and {last}"
+    ratio = factors.after / factors.before
     return (
         f"{place.part} {names} are {ratio:.3g} times what they were {place.other}: {GAIN_ADVICE}."
     )

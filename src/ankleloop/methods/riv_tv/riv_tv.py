@@ -132,8 +132,10 @@ def _solve(trials: Sequence[PreparedTrial], options: RivTvOptions) -> TimeVaryin
 
 def measure_constancy(solution: TimeVaryingSolution) -> Constancy:
     """Deviations of the means of K, B, I and G in the trials, or in the halves of a single one."""
+    contributions = solution.system.instruments * solution.residual
     return compare_parts(
-        contributions=solution.system.instruments * solution.residual,
+        contributions=contributions,
+        recorded=np.ones(contributions.shape[1], dtype=bool),
         sizes=[part.segment.size for part in solution.equations.course.parts],
         normal=solution.system.normal + solution.penalty,
         covariance=solution.covariance,

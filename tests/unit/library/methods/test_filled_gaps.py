@@ -92,3 +92,14 @@ def test_a_record_of_gaps_alone_is_refused(trial):
         DataError, match=r"filled gaps of position and torque reach .* record again"
     ):
         identify(fill(trial, ("position", "torque"), share=0.9), "riv")
+
+
+def test_halves_are_weighed_by_what_was_recorded_of_them(trial):
+    """A torque that doubles in the middle of a record, whose first half has gaps."""
+    torque = trial["torque"].to_numpy() * np.repeat([1.0, 2.0], trial.sizes["time"] // 2)
+    for start in range(1000, 24_000, 1000):
+        torque[start : start + 300] = torque[start]
+    position, reference = (trial[name].to_numpy() for name in ("position", "reference"))
+    (text,) = identify(new_trial(position, torque, 1000.0, reference), "riv").warnings
+    assert text.startswith("from the middle on K, B, I and G are ")
+    assert float(text.split(" are ")[1].split()[0]) == pytest.approx(2.0, abs=0.2)
