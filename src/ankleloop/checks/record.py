@@ -29,7 +29,7 @@ def check_length(trials: Sequence[PreparedTrial], identification_rate: float) ->
     total = sum(durations)
     text = f"{total:.4g} s at {' and '.join(f'{rate:g}' for rate in rates)} Hz"
     if not any("gaps" in trial.trial.attrs for trial in trials):  # where they were looked for
-        text += ", without gaps"
+        text += ", without gaps in time"
     if len(trials) > 1:
         text = f"{len(trials)} trials of {min(durations):.4g} s or more, {text}"
     if total < SHORTEST_RECORD:

@@ -132,7 +132,7 @@ def test_merged_trials_have_the_worst_finding_and_its_trial():
     single = {name for name, method in JOINT_METHODS.items() if not method.merges}
     assert {*JOINT_METHODS} - {*check.methods} == single
     assert find(check, "length").text.startswith(
-        "3 trials of 10 s or more, 30 s at 1000 Hz, without gaps"
+        "3 trials of 10 s or more, 30 s at 1000 Hz, without gaps in time"
     )
     assert find(check, "drift").text.startswith("all 3 trials pass; the first: ")
     assert find(check, "methods").text.startswith("of those that merge trials, ")
