@@ -45,7 +45,7 @@ def find_filled_gaps(x: np.ndarray, rate: float) -> np.ndarray:
     begins = bends_before > GAP_SLOPE * usual
     ends = bends_after > max(usual, 2.5 * converter_step)
     is_line = heights[starts] > GAP_SLOPE * usual
-    is_held = ends & (lengths < LONGEST_GAP * rate - 1)
+    is_held = ends & (lengths + 2 < LONGEST_GAP * rate)
     clipped = np.isin(x[starts], (x.min(), x.max()))
     long = (lengths >= SHORTEST_GAP * rate) & ~clipped
     certain = long & begins & (is_line | is_held)
