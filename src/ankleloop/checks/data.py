@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ankleloop.checks.channels import CHANNEL_CHECKS, GAPS, check_gaps, is_reference_filled
 from ankleloop.checks.findings import Finding, name_trial
@@ -108,9 +109,12 @@ def _find_faults(trial: PreparedTrial, delay: float, rate: float, reference: str
     if sign.verdict != "ok" and reference != "position" and reference in trial.trial:
         # Least squares may be off by fed-back torque; what the reference explains is not.
         record = rectifier_regressors(trial, delay, rate, reference)
-        if check_reference([record]).verdict == "ok":
+        strength = check_reference([record]).verdict
+        if strength == "ok":
             (stiffness,) = regress_torque_by_reference(project_records([record]))
             sign = check_sign(trial, stiffness)
+        elif strength == "refused":  # nothing tells the sign
+            sign = replace(sign, verdict="ok")
     return [finding for finding in (*findings, sign) if finding.verdict != "ok"]
 
 

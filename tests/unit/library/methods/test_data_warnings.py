@@ -116,3 +116,20 @@ def test_the_warning_names_the_merged_trial():
     trials = [simulate(seed=seed, duration=16.0) for seed in range(2)]
     with pytest.raises(DataError, match="too weak an instrument"):
         identify([trials[0], trials[1].assign(reference=trials[0]["reference"])], "pr-moesp")
+
+
+def test_the_sign_of_the_torque_is_not_told_where_the_reference_is_weak():
+    """Least squares turn it where a subject pushes as hard as the joint does, and riv is right."""
+    trial = simulate(
+        seed=101,
+        duration=24.0,
+        load=(1.1, 7.1, 250.0),
+        torque_level=5.015,
+        perturbation="pulses",
+        pulse_length=0.04,
+        voluntary=1.0,
+    )
+    estimate = identify(trial, "riv")
+    assert estimate.warnings == []
+    low, high = estimate.intervals["K"]
+    assert low < 150.0 < high
