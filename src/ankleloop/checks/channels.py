@@ -23,7 +23,7 @@ LONG_REST_SHARE = 0.2  # of the record, in such stretches
 # Share of its range by which the channel moves that shows a rest of another one. A position that stands still while the
 # torque moves may be a perturbation that pauses.
 MOVEMENT_SHARES = {"position": 0.5, "torque": 0.5, "reference": 0.1}
-LARGE_GAP_SHARE = 0.5
+LARGE_GAP_SHARE = 0.5  # of the record: more is refused
 GAPS = "gaps of the"  # begins the name of a finding
 STRAIGHT_SHARE = 0.9  # of the samples of gaps, in a reference that was filled as well
 SPIKE_REACH = 0.003  # s on either side

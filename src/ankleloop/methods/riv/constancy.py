@@ -258,21 +258,16 @@ def describe_changes(
         return {kind: [_describe_gain(factors, values, place)]}
     if not np.any(shown & (shifts > SMALLEST_SHIFT)):
         return {}
+    kind = "warnings" if changes.size else "remarks"
     lags = find_lags() if find_lags else None
     if lags is not None and np.abs(lags.scores).max() > SIGNIFICANT:
         before, after = lags.values
-        text = f"{place.part} {_describe_lag(after - before)}: {LAG_ADVICE}."
-    else:
-        is_joint = (
-            shifts[1] < LARGEST_CHANGE
-            and factors.probability < UNLIKELY
-            and _has_constant_body(constancy, values)
-        )
-        advice = JOINT_ADVICE if is_joint else PART_ADVICE
-        text = f"{_describe_part(constancy, values, place)}: {advice}."
-        if is_joint:
-            return {"remarks": [text]}
-    return {"warnings" if changes.size else "remarks": [text]}
+        return {kind: [f"{place.part} {_describe_lag(after - before)}: {LAG_ADVICE}."]}
+    part = _describe_part(constancy, values, place)
+    is_small = shifts[1] < LARGEST_CHANGE and factors.probability < UNLIKELY
+    if is_small and _has_constant_body(constancy, values):
+        return {"remarks": [f"{part}: {JOINT_ADVICE}."]}
+    return {kind: [f"{part}: {PART_ADVICE}."]}
 
 
 def measure_factors(constancy: Constancy, values: Mapping[str, float]) -> Factors:
